@@ -1,0 +1,185 @@
+"""The catalog: which recordings there should be, which there are, and all that tables and names say about them."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from garment_dataset.bag_folder import FolderScan, scan
+from garment_dataset.catalog_rows import ROW_KEYS, ROW_UNITS, CatalogRow, join_rows, to_frame
+from garment_dataset.catalog_tables import Garment, Holding, Recording, Tables, read_tables
+from garment_dataset.errors import CatalogError
+from garment_dataset.filters import compile_filter, terms_of
+from garment_dataset.names import BackgroundName, RecordingName, parse_bag_name
+from garment_dataset.workspace_files import nearest_catalog
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    import pandas as pd
+
+    from garment_dataset.filters import Kind
+
+__all__ = ["ROW_KEYS", "ROW_UNITS", "Catalog", "CatalogRow", "Garment", "Holding", "Recording", "Tables"]
+
+UNSPECIFIED = "unspecified"
+"""Holding in the path of a result whose recording does not say: a null partition cannot be read by pandas."""
+
+
+@dataclass(frozen=True)
+class Catalog:
+    """The tables of a data set, and the bags of a folder if one was looked at.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the tables are.
+    tables : Tables
+        Garments, holdings and recordings; and what is wrong with them, if loaded with ``strict=False``.
+    found : FolderScan, optional
+        What the folder of recordings holds.
+
+    Examples
+    --------
+    >>> catalog = Catalog.load()
+    >>> len(catalog.query("GreenTowel_*", axis="R"))
+    11
+    """
+
+    filter_keys: ClassVar[Mapping[str, Kind]] = ROW_KEYS
+
+    folder: Path
+    tables: Tables
+    found: FolderScan | None = None
+
+    @classmethod
+    def load(cls, folder: Path | None = None, *, strict: bool = True) -> Catalog:
+        """Read the tables.
+
+        Parameters
+        ----------
+        folder : Path, optional
+            Folder with garments.csv, holdings.csv and recordings.csv. By default that of the workspace at or above the
+            current folder, else the thesis' own, which the package carries.
+        strict : bool
+            Whether a table that cannot be read or contradicts itself is an error; otherwise it is kept in
+            ``tables.problems``.
+
+        Raises
+        ------
+        CatalogError
+            With file, line, column, what was expected and what was found.
+        """
+        folder = nearest_catalog(Path.cwd()) if folder is None else folder
+        tables = read_tables(folder)
+        if strict:
+            tables.check()
+        return cls(folder, tables)
+
+    def with_folder(self, recordings_dir: Path) -> Catalog:
+        """Return this catalog with the state of every recording in a folder of bags."""
+        return dataclasses.replace(self, found=scan(recordings_dir))
+
+    @cached_property
+    def rows(self) -> tuple[CatalogRow, ...]:
+        """All recordings: the tables' in their order, then the unexpected ones by name."""
+        if self.found is None:
+            return join_rows(self.tables, None)
+        bags = {str(bag.name): bag.path for bag in self.found.bags if isinstance(bag.name, RecordingName)}
+        return join_rows(self.tables, bags)
+
+    @cached_property
+    def backgrounds(self) -> Mapping[int, Path]:
+        """The bags of the empty scene, by the topics file of the recordings whose background they are."""
+        bags = () if self.found is None else self.found.bags
+        return {bag.name.topics_file: bag.path for bag in bags if isinstance(bag.name, BackgroundName)}
+
+    @cached_property
+    def _by_name(self) -> Mapping[str, CatalogRow]:
+        return {row.recording: row for row in self.rows}
+
+    def row(self, recording: str) -> CatalogRow:
+        """Return one recording, by its name in any form that is read.
+
+        Raises
+        ------
+        RecordingNameError
+            If that is no name of a recording.
+        CatalogError
+            If it is, but neither tables nor folder have it; the hint gives the nearest that they have.
+        """
+        name = str(parse_bag_name(recording))
+        if (row := self._by_name.get(name)) is None:
+            nearest = difflib.get_close_matches(name, list(self._by_name), n=1, cutoff=0.8)
+            hint = f"Did you mean {nearest[0]}?" if nearest else "`garment list` shows what there is."
+            raise CatalogError("no such recording", expected="one in the tables or the folder", found=name, hint=hint)
+        return row
+
+    def select(self, terms: Iterable[str] = ()) -> tuple[CatalogRow, ...]:
+        """Return the rows that a filter wants (see :mod:`garment_dataset.filters`).
+
+        Raises
+        ------
+        FilterError
+            If a term cannot be understood.
+        """
+        wanted = compile_filter(terms, ROW_KEYS)
+        return tuple(row for row in self.rows if wanted(row))
+
+    def query(self, *terms: str, **filters: object) -> pd.DataFrame:
+        """Return the rows that a filter wants as a DataFrame with typed columns.
+
+        Parameters
+        ----------
+        *terms : str
+            As on the command line.
+        **filters : object
+            The same by keyword: a value, several in a list, or None for a missing one.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per recording, one column per field of :class:`CatalogRow`. Text is ``string`` or categorical, whole
+            numbers are ``Int64``, flags ``boolean``, quantities ``float64`` with their units in ``attrs["units"]``;
+            what is not known is missing.
+
+        Raises
+        ------
+        FilterError
+            If a term cannot be understood.
+        """
+        return to_frame(self.select([*terms, *terms_of(filters)]), self.rows)
+
+    def topics(self, number: int) -> tuple[str, ...] | None:
+        """Return the topics of a topics file, in order; None when the catalog has no such file."""
+        path = self.folder / "topics" / f"{number}.txt"
+        return tuple(path.read_text("utf-8").split()) if path.is_file() else None
+
+    def partition(self, recording: str) -> dict[str, str]:
+        """Return the hive partition of a recording's results, or of an empty scene's.
+
+        Whole names stand in for a garment that is not known, and ``unspecified`` for a holding.
+        """
+        name = parse_bag_name(recording)
+        if isinstance(name, BackgroundName):
+            return {"garment": "camera_default", "holding": UNSPECIFIED}
+        row = self._by_name.get(str(name))
+        garment, holding = (name.garment, name.holding) if row is None else (row.garment, row.holding)
+        return {"garment": garment or name.name, "holding": holding or UNSPECIFIED}
+
+    def labels(self, recording: str) -> dict[str, str | int | float | None]:
+        """Return what stands in the identity columns of every row of a recording's results, or of an empty scene's."""
+        name = parse_bag_name(recording)
+        if isinstance(name, BackgroundName):
+            return {"recording": str(name), "axis": None, "speed": None, "repeat": None, "swing_rad": None}
+        return {
+            "recording": str(name),
+            "axis": name.axis,
+            "speed": float(name.speed),
+            "repeat": name.repeat,
+            "swing_rad": name.swing_rad,
+        }
