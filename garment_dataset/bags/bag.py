@@ -1,0 +1,226 @@
+"""What every recording offers, whatever its format."""
+
+from __future__ import annotations
+
+import struct
+import warnings
+from abc import ABC, abstractmethod
+from functools import lru_cache
+from typing import TYPE_CHECKING, ClassVar
+
+from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
+from rosbags.serde import SerdeError
+from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
+
+from garment_dataset.bags.headers import ImageHeader, read_image
+from garment_dataset.bags.messages import ImageMessage, Message, Record, Topic
+from garment_dataset.errors import BagError, DataWarning, MessageError
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+    from pathlib import Path
+    from types import TracebackType
+    from typing import Self
+
+    from rosbags.interfaces import Connection
+    from rosbags.typesys.store import Typestore
+
+    from garment_dataset.bags.images import Kind
+
+# rosbags raises the first two on purpose; the others escape from its generated code and its assertions.
+_UNREADABLE = (SerdeError, TypesysError, AssertionError, ValueError, LookupError, ArithmeticError, struct.error)
+
+
+class Bag(ABC):
+    """An open recording; :func:`garment_dataset.bags.open_bag` makes one.
+
+    A context manager, and a reader only: it never writes. Messages come in the order of their record stamps, equal ones
+    in the order of the file, on every run.
+
+    Attributes
+    ----------
+    path : pathlib.Path
+        As given.
+    topics : mapping of str to Topic
+        Sorted by name.
+    """
+
+    path: Path
+    topics: Mapping[str, Topic]
+    _cdr: ClassVar[bool]
+
+    def __init__(self, path: Path, files: Sequence[Path]) -> None:
+        self.path = path
+        self.topics = {}
+        self._closed = False
+        self._files = files
+        self._states = _file_states(files)
+
+    @abstractmethod
+    def _records(self, topics: Collection[str]) -> Iterator[Record]:
+        """Yield the messages on ``topics`` in order, not yet looked into."""
+
+    @abstractmethod
+    def _release(self) -> None:
+        """Let go of the files."""
+
+    def image_topic(self, base: str) -> str | None:
+        """Return the topic that carries the images of ``base``: itself, or a compressed form; None if none has any."""
+        names = (base, f"{base}/compressedDepth", f"{base}/compressed")
+        return next((name for name in names if name in self.topics and self.topics[name].count), None)
+
+    def images(self, topic: str, kind: Kind) -> Iterator[ImageMessage]:
+        """Yield every image message of a topic, faulty ones too.
+
+        Parameters
+        ----------
+        topic : str
+            Messages of type ``sensor_msgs/Image`` or ``sensor_msgs/CompressedImage``.
+        kind : {"depth", "color"}
+            What the pixels are meant to be; an image of the other kind is faulty.
+
+        Raises
+        ------
+        BagError
+            If the bag has no such topic or is closed, or (rosbag2 only) if its storage is damaged.
+        """
+        if topic not in self.topics:
+            raise BagError("no such topic", where=self.path, expected=topic, found=", ".join(self.topics))
+        return (self._image(index, record, kind) for index, record in enumerate(self._records({topic})))
+
+    def messages(self, *topics: str) -> Iterator[Message]:
+        """Yield the deserialised messages of the named topics; a topic that the bag lacks has none.
+
+        Each is read by the definition that its own publisher recorded. At the end, a DataWarning names those that could
+        not be read.
+
+        Raises
+        ------
+        BagError
+            If the bag is closed, or (rosbag2 only) if its storage is damaged.
+        """
+        counts = dict.fromkeys(topics, 0)
+        left_out: dict[str, list[str]] = {}
+        for record in self._records(counts.keys()):
+            topic, message_type = record.connection.topic, record.connection.msgtype
+            index = counts[topic]
+            counts[topic] += 1
+            try:
+                data = self._deserialise(record)
+            except MessageError as error:
+                left_out.setdefault(topic, []).append(f"{index} ({error})")
+            else:
+                yield Message(topic, message_type, index, record.stamp_ns, data)
+        for topic, faults in left_out.items():
+            text = f"left out {len(faults)} of {counts[topic]} messages: {_shortened(faults)}"
+            warnings.warn(f"{self.path.name}: {topic}: {text}", DataWarning, stacklevel=2)
+
+    def close(self) -> None:
+        """Let go of the files.
+
+        Raises
+        ------
+        BagError
+            If one of them changed since the bag was opened: what was read may be a mixture.
+        """
+        if self._closed:
+            return
+        self._closed = True
+        self._release()
+        if _file_states(self._files) != self._states:
+            hint = "Read it again when nothing writes to it."
+            raise BagError("changed while it was read", where=self.path, hint=hint)
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        try:
+            self.close()
+        except BagError:
+            if error is None:
+                raise
+
+    def _image(self, index: int, record: Record, kind: Kind) -> ImageMessage:
+        offset_bytes = None
+        try:
+            payload = record.read()
+        except MessageError as error:
+            header = ImageHeader(fault=str(error))
+        else:
+            header = read_image(payload.data, record.connection.msgtype, kind, cdr=self._cdr)
+            if not (payload.offset_bytes is None or header.start_bytes is None or header.compressed):
+                offset_bytes = payload.offset_bytes + header.start_bytes
+        return ImageMessage(
+            index,
+            record.stamp_ns,
+            header.stamp_ns,
+            header.frame_id,
+            header.encoding,
+            header.width_px,
+            header.height_px,
+            header.step_bytes,
+            offset_bytes,
+            header.size_bytes,
+            header.fault,
+            record,
+            header,
+        )
+
+    def _deserialise(self, record: Record) -> object:
+        data, connection = record.read().data, record.connection
+        store = _typestore(connection.msgtype, connection.msgdef)
+        deserialise = store.deserialize_cdr if self._cdr else store.deserialize_ros1
+        try:
+            return deserialise(data, connection.msgtype)
+        except _UNREADABLE as error:
+            raise MessageError("cannot be read", found=reason(error)) from error
+
+    def _check_open(self) -> None:
+        if self._closed:
+            raise BagError("is closed", where=self.path)
+
+
+@lru_cache(maxsize=256)
+def _typestore(message_type: str, definition: MessageDefinition) -> Typestore:
+    """Return a store that knows ``message_type`` by this definition and no other.
+
+    Publishers of one topic may differ in their definitions, so each gets its own store; kept from bag to bag, because
+    generating the code of one takes some 20 ms. Old rosbag2 storage has no definitions: the types of ROS 2 Humble, the
+    last distribution to write it, stand in.
+    """
+    if definition.format is not MessageDefinitionFormat.MSG:
+        return get_typestore(Stores.ROS2_HUMBLE)
+    store = get_typestore(Stores.EMPTY)
+    try:
+        store.register(get_types_from_msg(definition.data, message_type))
+    except _UNREADABLE:
+        return get_typestore(Stores.EMPTY)  # each of its messages will be reported
+    return store
+
+
+def summarise(connections: Iterable[Connection]) -> dict[str, Topic]:
+    """Return the topics behind the connections of a bag, sorted by name."""
+    by_name: dict[str, list[Connection]] = {}
+    for connection in connections:
+        by_name.setdefault(connection.topic, []).append(connection)
+    return {
+        name: Topic(name, tuple(sorted({each.msgtype for each in same})), sum(each.msgcount for each in same))
+        for name, same in sorted(by_name.items())
+    }
+
+
+def reason(error: BaseException) -> str:
+    """Return what an exception says; failed assertions say nothing but their name."""
+    return str(error) or type(error).__name__
+
+
+def _shortened(texts: Sequence[str], most: int = 5) -> str:
+    return "; ".join(texts[:most]) + ("; …" if len(texts) > most else "")
+
+
+def _file_states(files: Sequence[Path]) -> list[tuple[int, int] | None]:
+    """Return size and mtime_ns of each file, None for one that is gone."""
+    return [(path.stat().st_size, path.stat().st_mtime_ns) if path.exists() else None for path in files]

@@ -1,0 +1,60 @@
+"""ROS 2 recordings: rosbag2 folders with sqlite3 or mcap storage, or one storage file of such a folder.
+
+rosbags reads them, and its copies of the messages are handed on: there is no index to map, so that the place of a
+message in the file is not known. Unlike in a ROS 1 bag, damaged storage ends the reading with a BagError.
+"""
+
+from __future__ import annotations
+
+from functools import partial
+from typing import TYPE_CHECKING
+
+from rosbags.rosbag2 import Reader
+
+from garment_dataset.bags.bag import Bag, reason, summarise
+from garment_dataset.bags.messages import Payload, Record
+from garment_dataset.errors import BagError
+
+if TYPE_CHECKING:
+    from collections.abc import Collection, Iterator
+    from pathlib import Path
+
+_HINT = "Run `ros2 bag reindex` on a copy of it."
+
+
+class Rosbag2(Bag):
+    """A rosbag2 folder, or a ``.db3`` or ``.mcap`` file of one.
+
+    Raises
+    ------
+    BagError
+        If the folder has no metadata, or metadata or storage cannot be read.
+    """
+
+    _cdr = True
+
+    def __init__(self, path: Path) -> None:
+        files = sorted(each for each in path.iterdir() if each.is_file()) if path.is_dir() else [path]
+        super().__init__(path, files)
+        if path.is_dir() and path / "metadata.yaml" not in files:
+            raise BagError("is not a rosbag2 folder", where=path, expected="metadata.yaml in it", hint=_HINT)
+        try:
+            self._reader = Reader(path)
+            self._reader.open()
+        except Exception as error:  # rosbags lets through what sqlite, yaml, zstd and lz4 raise
+            raise BagError("cannot be opened", where=path, found=reason(error), hint=_HINT) from error
+        self.topics = summarise(self._reader.connections)
+
+    def _records(self, topics: Collection[str]) -> Iterator[Record]:
+        self._check_open()
+        connections = [each for each in self._reader.connections if each.topic in topics]
+        if not connections:  # to rosbags, none means all
+            return
+        try:
+            for connection, stamp_ns, data in self._reader.messages(connections):
+                yield Record(connection, stamp_ns, partial(Payload, memoryview(data), None))
+        except Exception as error:
+            raise BagError("cannot be read to its end", where=self.path, found=reason(error), hint=_HINT) from error
+
+    def _release(self) -> None:
+        self._reader.close()

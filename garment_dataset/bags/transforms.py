@@ -1,0 +1,333 @@
+"""The recorded transforms as one tree that answers for any moment of the recording, by the rules of ROS' tf2.
+
+The rules are those of ``tf2::BufferCore`` and ``tf2::TimeCache`` (ros/geometry2, 0.7), with three differences that an
+offline tree allows: nothing is forgotten, a leading slash is dropped in look-ups too, and quaternions that tf2 would
+let through a little too long or short are normalised, as it would scale lengths by their squared norm.
+"""
+
+from __future__ import annotations
+
+import math
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Literal, NamedTuple
+
+import numpy as np
+
+from garment_dataset.errors import TransformError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike, NDArray
+
+SQUARED_NORM_TOLERANCE = 1e-2
+"""How far the squared norm of a quaternion may be from 1 (tf2's ``QUATERNION_NORMALIZATION_TOLERANCE``)."""
+
+FailureKind = Literal["past", "future", "unknown frame", "not connected", "loop"]
+"""Why a look-up has no answer: before the first or after the last sample of a link, or a matter of the tree itself."""
+
+_Vector = tuple[float, float, float]
+_Quaternion = tuple[float, float, float, float]
+
+
+class LookupFailedError(TransformError):
+    """A look-up without an answer.
+
+    Parameters
+    ----------
+    kind : str
+        Why, as one of :data:`FailureKind`.
+    what, where, hint
+        As in :class:`~garment_dataset.errors.GarmentError`.
+    """
+
+    def __init__(self, kind: FailureKind, what: str, *, where: object = None, hint: str | None = None) -> None:
+        super().__init__(what, where=where, hint=hint)
+        self.kind: FailureKind = kind
+
+
+@dataclass(frozen=True, eq=False, slots=True)
+class Transform:
+    """A rigid motion that takes coordinates in ``source`` to coordinates in ``target``.
+
+    Parameters
+    ----------
+    translation : (3,) float64
+        Origin of ``source`` in ``target``, in metres.
+    quaternion_xyzw : (4,) float64
+        Rotation, of unit norm.
+    nearest_sample_gap_ns : int
+        Distance in time from the stamp asked for to the nearest sample, of the link where it is largest; links of
+        ``/tf_static`` hold at all times and count 0.
+    bracket_ns : int
+        Longest time between two unequal samples that were interpolated between; 0 when there were none. The two
+        samples of a fixed link are equal, however rarely it is published.
+    """
+
+    translation: NDArray[np.float64]
+    quaternion_xyzw: NDArray[np.float64]
+    nearest_sample_gap_ns: int
+    bracket_ns: int
+
+    def apply(self, points_m: ArrayLike) -> NDArray[np.float64]:
+        """Take points of ``source`` into ``target``.
+
+        Parameters
+        ----------
+        points_m : array-like, shape (..., 3)
+            In metres.
+
+        Returns
+        -------
+        (..., 3) float64
+        """
+        points = np.asarray(points_m, dtype=np.float64)
+        axis, w = self.quaternion_xyzw[:3], self.quaternion_xyzw[3]
+        turn = 2.0 * np.cross(axis, points)
+        moved: NDArray[np.float64] = points + w * turn + np.cross(axis, turn) + self.translation
+        return moved
+
+
+class _Pose(NamedTuple):
+    """A rigid motion, with what it rests on in time."""
+
+    translation: _Vector
+    quaternion: _Quaternion
+    gap_ns: int = 0
+    bracket_ns: int = 0
+
+
+_IDENTITY = _Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
+
+
+class _Sample(NamedTuple):
+    """Where a frame is in its parent, at one time."""
+
+    parent: str
+    pose: _Pose
+
+
+class _Stop(NamedTuple):
+    """Why a walk towards the root of the tree ended before it."""
+
+    kind: FailureKind
+    why: str
+
+
+@dataclass(slots=True)
+class _Link:
+    """All that was said about one child frame."""
+
+    samples: dict[int, _Sample] = field(default_factory=dict)
+    stamps_ns: list[int] = field(default_factory=list)  # the sorted keys of `samples`; out of date while shorter
+    static: _Sample | None = None
+
+    def at(self, stamp_ns: int) -> _Sample | _Stop:
+        """Return the pose in the parent at ``stamp_ns``, as ``tf2::TimeCache::getData``."""
+        if (known := self.static or self.samples.get(stamp_ns)) is not None:
+            return known
+        if len(self.stamps_ns) != len(self.samples):
+            self.stamps_ns = sorted(self.samples)
+        following = bisect_right(self.stamps_ns, stamp_ns)
+        if following == 0:
+            return _Stop("past", f"{stamp_ns} ns is before its first sample, {self.stamps_ns[0]} ns")
+        if following == len(self.stamps_ns):
+            return _Stop("future", f"{stamp_ns} ns is after its last sample, {self.stamps_ns[-1]} ns")
+        return self._between(self.stamps_ns[following - 1], stamp_ns, self.stamps_ns[following])
+
+    def _between(self, before_ns: int, stamp_ns: int, after_ns: int) -> _Sample:
+        before, after = self.samples[before_ns], self.samples[after_ns]
+        if before.parent != after.parent:
+            return _Sample(before.parent, before.pose._replace(gap_ns=stamp_ns - before_ns))
+        gap_ns = min(stamp_ns - before_ns, after_ns - stamp_ns)
+        if before.pose == after.pose:
+            return _Sample(before.parent, before.pose._replace(gap_ns=gap_ns))
+        ratio = (stamp_ns - before_ns) / (after_ns - before_ns)
+        translation = _lerp(before.pose.translation, after.pose.translation, ratio)
+        quaternion = _slerp(before.pose.quaternion, after.pose.quaternion, ratio)
+        return _Sample(before.parent, _Pose(translation, quaternion, gap_ns, after_ns - before_ns))
+
+
+class TransformTree:
+    """Recorded transforms, to be asked for the pose of any frame in any other at any time.
+
+    Parameters
+    ----------
+    name : str, optional
+        Where the transforms come from, for error messages.
+
+    Attributes
+    ----------
+    refused : int
+        Number of malformed transforms that :meth:`add` did not take.
+
+    Notes
+    -----
+    Between two samples of a link the translation is interpolated linearly and the rotation by slerp along the shorter
+    way; nothing is extrapolated, so a link with one sample answers for that very time only. Only the links between the
+    two frames and their nearest common ancestor are needed.
+    """
+
+    def __init__(self, name: str | None = None) -> None:
+        self.name = name
+        self.refused = 0
+        self._links: dict[str, _Link] = {}
+        self._frames: set[str] = set()
+
+    def add(
+        self,
+        parent: str,
+        child: str,
+        stamp_ns: int,
+        translation: Sequence[float],
+        quaternion_xyzw: Sequence[float],
+        *,
+        static: bool = False,
+    ) -> bool:
+        """Take one transform, in any order of time; return whether it was taken.
+
+        Parameters
+        ----------
+        parent, child : str
+            Frame ids; leading slashes do not count.
+        stamp_ns : int
+            Header stamp; without meaning for a static transform.
+        translation : sequence of float, shape (3,)
+            Origin of ``child`` in ``parent``, in metres.
+        quaternion_xyzw : sequence of float, shape (4,)
+            Rotation that takes coordinates in ``child`` to coordinates in ``parent``.
+        static : bool
+            Whether it holds at all times, as on ``/tf_static``. A link that was ever given so stays so, and the last
+            one given counts.
+
+        Returns
+        -------
+        bool
+            False for a second transform of the same link and stamp, where the first one stays, and for a malformed one:
+            numbers that are not finite, a squared quaternion norm off by more than 1e-2, a frame without name or its
+            own parent. Malformed ones are counted in :attr:`refused`.
+        """
+        parent, child = parent.lstrip("/"), child.lstrip("/")
+        x, y, z = map(float, translation)
+        qx, qy, qz, qw = map(float, quaternion_xyzw)
+        squared_norm = qx * qx + qy * qy + qz * qz + qw * qw
+        well_formed = math.isfinite(x + y + z) and abs(squared_norm - 1.0) <= SQUARED_NORM_TOLERANCE
+        if not well_formed or not parent or not child or parent == child:
+            self.refused += 1
+            return False
+        scale = 1.0 / math.sqrt(squared_norm)
+        sample = _Sample(parent, _Pose((x, y, z), (qx * scale, qy * scale, qz * scale, qw * scale)))
+        self._frames.update((parent, child))
+        link = self._links.setdefault(child, _Link())
+        if static:
+            link.static = sample
+            return True
+        return link.samples.setdefault(stamp_ns, sample) is sample
+
+    def lookup(self, target: str, source: str, stamp_ns: int) -> Transform:
+        """Return the transform that takes points of ``source`` into ``target`` at ``stamp_ns``.
+
+        Parameters
+        ----------
+        target, source : str
+            Frame ids; leading slashes do not count. A frame in itself is the identity, known or not.
+        stamp_ns : int
+            Header time.
+
+        Raises
+        ------
+        LookupFailedError
+            With its ``kind`` from :data:`FailureKind`.
+        """
+        target, source = target.lstrip("/"), source.lstrip("/")
+        if target == source:
+            return Transform(np.zeros(3), np.array(_IDENTITY.quaternion), 0, 0)
+        for frame in (target, source):
+            if frame not in self._frames:
+                what = f"no transform names the frame {frame!r}"
+                raise LookupFailedError("unknown frame", what, where=self.name, hint=self._hint())
+        source_in, source_stop = self._walk(source, stamp_ns)
+        target_in, target_stop = self._walk(target, stamp_ns)
+        common = next((frame for frame in target_in if frame in source_in), None)
+        if common is None:
+            stop = target_stop or source_stop or _Stop("not connected", "they have no common ancestor")
+            what = f"no transform from {source!r} to {target!r}: {stop.why}"
+            raise LookupFailedError(stop.kind, what, where=self.name)
+        pose = _compose(_inverse(target_in[common]), source_in[common])
+        return Transform(np.array(pose.translation), np.array(pose.quaternion), pose.gap_ns, pose.bracket_ns)
+
+    def _walk(self, frame: str, stamp_ns: int) -> tuple[dict[str, _Pose], _Stop | None]:
+        """Walk up as far as the time allows: the pose of ``frame`` in itself and each ancestor, nearest first."""
+        poses: dict[str, _Pose] = {}
+        pose = _IDENTITY
+        while frame not in poses:
+            poses[frame] = pose
+            if (link := self._links.get(frame)) is None:
+                return poses, None
+            step = link.at(stamp_ns)
+            if isinstance(step, _Stop):
+                return poses, _Stop(step.kind, f"for frame {frame!r}, {step.why}")
+            frame, pose = step.parent, _compose(step.pose, pose)
+        return poses, _Stop("loop", f"frame {frame!r} is its own ancestor")
+
+    def _hint(self) -> str:
+        names = sorted(self._frames)
+        shown = ", ".join(names[:20]) + (", …" if len(names) > 20 else "")
+        return f"Known frames: {shown}" if names else "There are no transforms at all"
+
+
+def _lerp(a: _Vector, b: _Vector, ratio: float) -> _Vector:
+    rest = 1.0 - ratio
+    return (rest * a[0] + ratio * b[0], rest * a[1] + ratio * b[1], rest * a[2] + ratio * b[2])
+
+
+def _slerp(a: _Quaternion, b: _Quaternion, ratio: float) -> _Quaternion:
+    """Turn from ``a`` to ``b`` along the shorter way, as ``tf2::Quaternion::slerp``; unit quaternions."""
+    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
+    angle = math.acos(min(abs(cosine), 1.0))
+    if angle == 0.0:
+        return a
+    weight_a = math.sin((1.0 - ratio) * angle) / math.sin(angle)
+    weight_b = math.copysign(math.sin(ratio * angle) / math.sin(angle), cosine)
+    return (
+        weight_a * a[0] + weight_b * b[0],
+        weight_a * a[1] + weight_b * b[1],
+        weight_a * a[2] + weight_b * b[2],
+        weight_a * a[3] + weight_b * b[3],
+    )
+
+
+def _rotate(q: _Quaternion, v: _Vector) -> _Vector:
+    x, y, z, w = q
+    turn_x, turn_y, turn_z = 2 * (y * v[2] - z * v[1]), 2 * (z * v[0] - x * v[2]), 2 * (x * v[1] - y * v[0])
+    return (
+        v[0] + w * turn_x + y * turn_z - z * turn_y,
+        v[1] + w * turn_y + z * turn_x - x * turn_z,
+        v[2] + w * turn_z + x * turn_y - y * turn_x,
+    )
+
+
+def _compose(outer: _Pose, inner: _Pose) -> _Pose:
+    """Apply ``inner`` first, then ``outer``."""
+    ax, ay, az, aw = outer.quaternion
+    bx, by, bz, bw = inner.quaternion
+    moved, origin = _rotate(outer.quaternion, inner.translation), outer.translation
+    return _Pose(
+        (moved[0] + origin[0], moved[1] + origin[1], moved[2] + origin[2]),
+        (
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+            aw * bw - ax * bx - ay * by - az * bz,
+        ),
+        max(outer.gap_ns, inner.gap_ns),
+        max(outer.bracket_ns, inner.bracket_ns),
+    )
+
+
+def _inverse(pose: _Pose) -> _Pose:
+    x, y, z, w = pose.quaternion
+    back = (-x, -y, -z, w)
+    moved = _rotate(back, pose.translation)
+    return _Pose((-moved[0], -moved[1], -moved[2]), back, pose.gap_ns, pose.bracket_ns)
