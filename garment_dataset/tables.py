@@ -1,0 +1,344 @@
+"""The tables that the product hands over: one specification per output, with a unit and a description per column.
+
+A specification is plain data, so that planning a build needs no Arrow; :meth:`TableSpec.schema` makes the Arrow schema
+when a table is written or read.
+"""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+from garment_dataset.errors import TableError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import pyarrow as pa
+
+    Labels = Mapping[str, str | int | float | None]
+
+_LIST_TYPE = re.compile(r"list<(?P<item>\w+)>")
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """One column of a table.
+
+    Parameters
+    ----------
+    name : str
+        Column name; a quantity carries its unit (``x_m``, ``stamp_ns``).
+    type : str
+        Arrow type: a primitive's name (``float64``, ``int32``, ``string``, ``binary``) or ``list<primitive>``.
+    unit : str
+        ``m``, ``s``, ``ns``, ``px``, ``m/s`` …; ``1`` for a number without dimension, empty for text and bytes.
+    description : str
+        What a reader who never saw this code needs to know.
+    nullable : bool
+        Whether a value may be missing; missing is always null, never 0 or NaN.
+    """
+
+    name: str
+    type: str
+    unit: str
+    description: str
+    nullable: bool = False
+
+    def field(self) -> pa.Field[Any]:
+        """Return the Arrow field, with unit and description in its metadata."""
+        import pyarrow as pa
+
+        metadata = {"unit": self.unit, "description": self.description}
+        return pa.field(self.name, arrow_type(self.type), nullable=self.nullable, metadata=metadata)
+
+
+def arrow_type(text: str) -> pa.DataType:
+    """Return the Arrow type that ``text`` names.
+
+    Raises
+    ------
+    TableError
+        If no such type is known.
+    """
+    import pyarrow as pa
+
+    if (found := _LIST_TYPE.fullmatch(text)) is not None:
+        return pa.list_(pa.field("element", arrow_type(found["item"]), nullable=False))
+    try:
+        return pa.type_for_alias(text)
+    except ValueError as error:
+        raise TableError("not a column type", expected="a primitive or list<primitive>", found=text) from error
+
+
+IDENTITY = (
+    Column("recording", "string", "", "name of the recording, without .bag; of an empty-scene bag likewise"),
+    Column("axis", "string", "", "R: the garment moves along the optical axis; B: across it", nullable=True),
+    Column("speed", "float64", "1", "speed of the robot as typed into the file name", nullable=True),
+    Column("repeat", "int32", "1", "number of the repeat; null when the name has none", nullable=True),
+    Column("swing_rad", "float64", "rad", "swing of the gripper's axis; null when the name has none", nullable=True),
+)
+"""The columns that every file of every table begins with: whose rows these are."""
+
+
+@dataclass(frozen=True)
+class TableSpec:
+    """One output table: its name, its version and its columns.
+
+    Parameters
+    ----------
+    name : str
+        Folder under ``features/`` and argument name in the stages that read it.
+    version : int
+        Raised when a column changes its meaning.
+    row : str
+        What one row stands for.
+    columns : tuple of Column
+        Beside :data:`IDENTITY`, which :meth:`finish` puts in front.
+    """
+
+    name: str
+    version: int
+    row: str
+    columns: tuple[Column, ...]
+
+    def schema(self) -> pa.Schema:
+        """Return the full Arrow schema: identity columns first."""
+        import pyarrow as pa
+
+        metadata = {"table": self.name, "version": str(self.version), "row": self.row}
+        return pa.schema([column.field() for column in (*IDENTITY, *self.columns)], metadata=metadata)
+
+    def build(self, columns: Mapping[str, Any]) -> pa.Table:
+        """Make a table of arrays, one per declared column, in declared order; NaN becomes null.
+
+        Parameters
+        ----------
+        columns : mapping of str to array-like, shape (n_rows,)
+            Numpy arrays (masked ones too), Arrow arrays or sequences.
+
+        Raises
+        ------
+        TableError
+            If a column is missing, unknown, of another length or type, or null where it must not be.
+        """
+        import pyarrow as pa
+
+        names = [column.name for column in self.columns]
+        if set(columns) != set(names):
+            missing, unknown = sorted(set(names) - set(columns)), sorted(set(columns) - set(names))
+            raise TableError("wrong columns", where=self.name, found=f"missing {missing}, unknown {unknown}")
+        fields = [column.field() for column in self.columns]
+        arrays = [self._array(field, columns[field.name]) for field in fields]
+        if len({len(array) for array in arrays}) > 1:
+            lengths = {field.name: len(array) for field, array in zip(fields, arrays, strict=True)}
+            raise TableError("columns of unequal length", where=self.name, found=lengths)
+        return pa.Table.from_arrays(arrays, schema=pa.schema(fields))
+
+    def _array(self, field: pa.Field[Any], values: Any) -> pa.Array[Any]:  # noqa: ANN401 - whatever Arrow takes
+        import pyarrow as pa
+
+        try:
+            given = values if isinstance(values, pa.Array | pa.ChunkedArray) else pa.array(values, from_pandas=True)
+            array = given.combine_chunks() if isinstance(given, pa.ChunkedArray) else given
+            array = array.cast(field.type)
+        except (pa.ArrowInvalid, pa.ArrowTypeError, pa.ArrowNotImplementedError) as error:
+            where = f"{self.name}.{field.name}"
+            raise TableError("values that do not fit", where=where, expected=field.type, found=error) from error
+        if array.null_count and not field.nullable:
+            where = f"{self.name}.{field.name}"
+            raise TableError("null in a column without nulls", where=where, found=f"{array.null_count} nulls")
+        return array
+
+    def finish(self, table: pa.Table, labels: Labels) -> pa.Table:
+        """Put the identity columns in front of what a stage made.
+
+        Parameters
+        ----------
+        table : pyarrow.Table
+            As :meth:`build` returned it.
+        labels : mapping
+            A value for every column of :data:`IDENTITY`.
+
+        Raises
+        ------
+        TableError
+            If the table is not of this specification or a label is missing.
+        """
+        import pyarrow as pa
+
+        schema = self.schema()
+        own = pa.schema([column.field() for column in self.columns])
+        if not table.schema.equals(own):
+            raise TableError("not a table of this schema", where=self.name, expected=own.names, found=table.schema)
+        try:
+            constant = [
+                pa.array([labels[column.name]], type=arrow_type(column.type)).take(
+                    pa.nulls(table.num_rows, pa.int8()).fill_null(0)
+                )
+                for column in IDENTITY
+            ]
+        except KeyError as error:
+            raise TableError("identity column without a value", where=self.name, found=error) from error
+        columns = [*constant, *(column.combine_chunks() for column in table.columns)]
+        return pa.Table.from_arrays(columns, schema=schema)
+
+    def describe(self) -> dict[str, object]:
+        """Return the schema as JSON, for readers that drop Arrow's metadata."""
+        return {
+            "table": self.name,
+            "version": self.version,
+            "row": self.row,
+            "partitions": ["garment", "holding"],
+            "columns": [
+                {
+                    "name": column.name,
+                    "type": column.type,
+                    "unit": column.unit,
+                    "nullable": column.nullable,
+                    "description": column.description,
+                }
+                for column in (*IDENTITY, *self.columns)
+            ],
+        }
+
+
+_STAMP = Column("stamp_ns", "int64", "ns", "header stamp: when the camera saw it, since the Unix epoch")
+_RECORD_STAMP = Column("record_stamp_ns", "int64", "ns", "when the recorder received it, since the Unix epoch")
+_FRAME = Column("frame", "int32", "1", "index of the image in its stream, from 0, faulty messages counted")
+
+FRAMES = TableSpec(
+    "frames",
+    1,
+    "one image message",
+    (
+        Column("stream", "string", "", "depth or color"),
+        _FRAME,
+        Column("stamp_ns", "int64", "ns", "header stamp: when the camera saw it; null when unreadable", nullable=True),
+        _RECORD_STAMP,
+        Column("encoding", "string", "", "as the message says: 16UC1, rgb8 …", nullable=True),
+        Column("width_px", "int32", "px", "image width", nullable=True),
+        Column("height_px", "int32", "px", "image height", nullable=True),
+        Column("step_bytes", "int32", "byte", "length of a row, padding included", nullable=True),
+        Column("offset_bytes", "int64", "byte", "first pixel in the bag; null when compressed", nullable=True),
+        Column("size_bytes", "int64", "byte", "length of the pixel data as stored", nullable=True),
+        Column("fault", "string", "", "why the message is not used; null when it is", nullable=True),
+    ),
+)
+
+CAMERA = TableSpec(
+    "camera",
+    1,
+    "one image stream",
+    (
+        Column("stream", "string", "", "depth or color"),
+        Column("frame_id", "string", "", "optical frame: x right, y down, z forward"),
+        Column("width_px", "int32", "px", "image width"),
+        Column("height_px", "int32", "px", "image height"),
+        Column("fx_px", "float64", "px", "focal length along u: K[0, 0]"),
+        Column("fy_px", "float64", "px", "focal length along v: K[1, 1]"),
+        Column("cx_px", "float64", "px", "principal point, u: K[0, 2]; the centre of the first pixel is 0"),
+        Column("cy_px", "float64", "px", "principal point, v: K[1, 2]; the centre of the first pixel is 0"),
+        Column("distortion_model", "string", "", "as in sensor_msgs/CameraInfo"),
+        Column("distortion", "list<float64>", "1", "coefficients of that model"),
+    ),
+)
+
+GRIPPER = TableSpec(
+    "gripper",
+    1,
+    "one depth frame",
+    (
+        _FRAME,
+        _STAMP,
+        Column("x_m", "float64", "m", "end point of the gripper, depth optical frame, right", nullable=True),
+        Column("y_m", "float64", "m", "end point of the gripper, depth optical frame, down", nullable=True),
+        Column("z_m", "float64", "m", "end point of the gripper, depth optical frame, forward", nullable=True),
+        Column("source", "string", "", "topic, or tf when computed from the recorded transforms", nullable=True),
+        Column("gap_ns", "int64", "ns", "distance in time to the nearest sample the point rests on", nullable=True),
+        Column("reason", "string", "", "why there is no point; null when there is one", nullable=True),
+    ),
+)
+
+JOINTS = TableSpec(
+    "joints",
+    1,
+    "one sample of one joint",
+    (
+        _STAMP,
+        _RECORD_STAMP,
+        Column("joint", "string", "", "name of the joint"),
+        Column("position_rad", "float64", "rad", "joint position", nullable=True),
+        Column("velocity_rad_s", "float64", "rad/s", "joint velocity", nullable=True),
+    ),
+)
+
+CHAINS = TableSpec(
+    "chains",
+    1,
+    "one sample of one depth frame, from the gripper down",
+    (
+        _FRAME,
+        _STAMP,
+        Column("sample", "int32", "1", "number of the sample, from 0 at the gripper"),
+        Column("x_m", "float64", "m", "mean of the window, depth optical frame, right"),
+        Column("y_m", "float64", "m", "middle of the window, depth optical frame, down"),
+        Column("z_m", "float64", "m", "mean of the window, depth optical frame, forward"),
+        Column("arc_length_m", "float64", "m", "along the chain, from the gripper's end point"),
+        Column("pixels", "int32", "1", "number of pixels in the window; 0 where a gap was bridged"),
+        Column("z_spread_m", "float64", "m", "standard deviation of z in the window", nullable=True),
+    ),
+)
+
+POINTS = TableSpec(
+    "points",
+    1,
+    "one point of one depth frame",
+    (
+        _FRAME,
+        _STAMP,
+        Column("point", "int32", "1", "number of the point, 1 next to the gripper"),
+        Column("x_m", "float64", "m", "depth optical frame, right", nullable=True),
+        Column("y_m", "float64", "m", "depth optical frame, down", nullable=True),
+        Column("z_m", "float64", "m", "depth optical frame, forward", nullable=True),
+        Column("x_std_m", "float64", "m", "standard uncertainty of x", nullable=True),
+        Column("y_std_m", "float64", "m", "standard uncertainty of y", nullable=True),
+        Column("z_std_m", "float64", "m", "standard uncertainty of z", nullable=True),
+        Column("arc_length_m", "float64", "m", "along the garment, from the gripper's end point", nullable=True),
+        Column("garment_length_m", "float64", "m", "length of the garment the points divide", nullable=True),
+        Column("pixels", "int32", "1", "number of pixels the point rests on"),
+        Column("reason", "string", "", "why there is no point; null when there is one", nullable=True),
+    ),
+)
+
+KINEMATICS = TableSpec(
+    "kinematics",
+    1,
+    "one point of one depth frame, the gripper among them",
+    (
+        _FRAME,
+        _STAMP,
+        Column("point", "int32", "1", "number of the point; 0 is the gripper, 1 next to it"),
+        Column("time_s", "float64", "s", "since the gripper began to move; null when it never did", nullable=True),
+        *(
+            Column(f"{axis}_m", "float64", "m", f"depth optical frame, {side}", nullable=True)
+            for axis, side in (("x", "right"), ("y", "down"), ("z", "forward"))
+        ),
+        *(
+            Column(f"d{axis}_m", "float64", "m", f"displacement from rest along {axis}", nullable=True)
+            for axis in "xyz"
+        ),
+        *(
+            Column(f"d{axis}_std_m", "float64", "m", f"standard uncertainty of d{axis}", nullable=True)
+            for axis in "xyz"
+        ),
+        Column("velocity_stamp_ns", "int64", "ns", "when the velocity holds: middle of its interval", nullable=True),
+        *(Column(f"v{axis}_m_s", "float64", "m/s", f"velocity along {axis}", nullable=True) for axis in "xyz"),
+        *(
+            Column(f"v{axis}_std_m_s", "float64", "m/s", f"standard uncertainty of v{axis}", nullable=True)
+            for axis in "xyz"
+        ),
+        Column("reason", "string", "", "why there is no position; null when there is one", nullable=True),
+    ),
+)
