@@ -1,0 +1,218 @@
+"""The canonical form of what makes scopes and binds names: functions, classes, comprehensions, imports, handlers."""
+
+from __future__ import annotations
+
+import ast
+from typing import TYPE_CHECKING, Any
+
+from garment_dataset.engine.code_modules import ModuleRef, Symbol
+from garment_dataset.engine.code_references import CALLED, GIVEN, HELD, READ
+from garment_dataset.engine.code_scopes import (
+    CLASS,
+    FUNCTION,
+    MODULE,
+    TYPES,
+    Bindings,
+    bindings_of,
+    function_bindings,
+    type_parameter_bindings,
+)
+from garment_dataset.errors import UntraceableCodeError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from garment_dataset.engine.code_scopes import Comprehension
+    from garment_dataset.engine.code_writer import Writer
+
+_UNSTORED = frozenset({"ClassVar", "Final", "InitVar", "PrivateAttr", "exclude", "exclude_if"})
+
+
+def _function(writer: Writer, node: ast.FunctionDef | ast.AsyncFunctionDef, _role: int) -> None:
+    writer.out.append(f"({type(node).__name__} {node.name!a}")
+    writer.field("decorators", node.decorator_list, CALLED)
+    _note_activity(writer, node.decorator_list)
+    with writer.inside(TYPES, type_parameter_bindings(node)):
+        writer.field("types", list(getattr(node, "type_params", ())))
+        writer.field("args", node.args)
+        writer.annotation("returns", node.returns)
+        bindings = function_bindings(node.args, node.body, writer.module.home)
+        _refuse_global_writes(writer, bindings, node)
+        with writer.inside(FUNCTION, bindings, is_later=True):
+            writer.field("body", node.body)
+    writer.out.append(")")
+
+
+def _lambda(writer: Writer, node: ast.Lambda, _role: int) -> None:
+    writer.out.append("(Lambda")
+    writer.field("args", node.args)
+    with writer.inside(FUNCTION, function_bindings(node.args, [node.body], writer.module.home), is_later=True):
+        writer.field("body", node.body, GIVEN)
+    writer.out.append(")")
+
+
+def _argument(writer: Writer, node: ast.arg, _role: int) -> None:
+    writer.out.append(f"(arg {node.arg!a}")
+    writer.annotation("annotation", node.annotation)
+    writer.out.append(")")
+
+
+def _class(writer: Writer, node: ast.ClassDef, _role: int) -> None:
+    names = writer.names
+    is_top = names.scope.kind == MODULE
+    outer_owner = names.owner
+    writer.out.append(f"(ClassDef {node.name!a}")
+    writer.field("decorators", node.decorator_list, CALLED)
+    _note_activity(writer, [*node.decorator_list, *node.bases, *node.keywords])
+    bindings = bindings_of(node.body, writer.module.home)
+    _refuse_global_writes(writer, bindings, node)
+    with writer.inside(TYPES, type_parameter_bindings(node)):
+        writer.field("types", list(getattr(node, "type_params", ())))
+        writer.field("bases", node.bases, CALLED)
+        writer.field("keywords", node.keywords, CALLED)
+        if is_top:
+            names.owner = Symbol(writer.module.name, node.name)
+        with writer.inside(CLASS, bindings):
+            skips = is_top and writer.without_fields
+            writer.field("body", [each for each in node.body if not (skips and _skip_field(writer, each))])
+    names.owner = outer_owner
+    writer.out.append(")")
+
+
+def _skip_field(writer: Writer, node: ast.stmt) -> bool:
+    """Say whether a statement declares a field whose value is in the key; its annotation is followed, not written."""
+    if not isinstance(node, ast.AnnAssign) or not isinstance(node.target, ast.Name) or node.target.id.startswith("_"):
+        return False
+    if any(_word(each) in _UNSTORED for each in ast.walk(node)):
+        return False
+    written, writer.out = writer.out, []
+    writer.annotation("annotation", node.annotation)
+    writer.out = written
+    return True
+
+
+def _word(node: ast.AST) -> str | None:
+    match node:
+        case ast.Name(id=word) | ast.Attribute(attr=word) | ast.keyword(arg=word):
+            return word
+        case ast.Constant(value=str(text)):
+            return text.rpartition(".")[2].partition("[")[0]  # a quoted annotation
+        case _:
+            return None
+
+
+def _comprehension(writer: Writer, node: Comprehension, _role: int) -> None:
+    writer.out.append(f"({type(node).__name__}")
+    writer.field("iter", node.generators[0].iter)
+    bindings = bindings_of([each.target for each in node.generators], writer.module.home)
+    with writer.inside(FUNCTION, bindings):
+        for index, each in enumerate(node.generators):
+            writer.out.append(" async for" if each.is_async else " for")
+            writer.field("target", each.target)
+            writer.field("iter", each.iter if index else None)
+            writer.field("if", each.ifs, READ)
+        for name in ("key", "value", "elt"):
+            writer.field(name, getattr(node, name, None))
+    writer.out.append(")")
+
+
+def _import(writer: Writer, node: ast.Import | ast.ImportFrom, _role: int) -> None:
+    """Write an import only where it decides something; else what it binds is written wherever it is used."""
+    names = writer.names
+    for name, target, loaded in writer.module.home.targets(node):
+        names.facts.loads.append((loaded, node.lineno))
+        try:
+            found = names.imported(target)
+        except UntraceableCodeError as error:
+            writer.refuse(error, node)
+            continue
+        is_alias = _is_alias(writer, name)
+        if is_alias and not writer.tries:
+            continue
+        writer.out.append(f"(import {loaded.module!a} {loaded.attribute!a} {names.bind(name)})")
+        if not isinstance(found, ModuleRef):
+            names.refer(found, node, HELD)
+        elif not is_alias:
+            hint = "Import what is needed from it by name"
+            what = "a name that stands for a module and for something else"
+            writer.refuse(UntraceableCodeError(what, found=f"{name} for {found.module}", hint=hint), node)
+
+
+def _is_alias(writer: Writer, name: str) -> bool:
+    """Say whether a name only ever stands for what one import gives."""
+    scope = writer.names.scope.find(name)
+    if scope is None:
+        return name in writer.module.aliases
+    return scope.kind != CLASS and scope.bindings.alias(name) is not None
+
+
+def _try(writer: Writer, node: ast.Try, role: int) -> None:
+    writer.tries += 1
+    writer.generic(node, role)
+    writer.tries -= 1
+
+
+def _handler(writer: Writer, node: ast.ExceptHandler, _role: int) -> None:
+    writer.out.append("(ExceptHandler")
+    writer.field("type", node.type)
+    _bound(writer, node.name)
+    writer.field("body", node.body)
+    writer.out.append(")")
+
+
+def _pattern(writer: Writer, node: ast.MatchAs | ast.MatchStar, _role: int) -> None:
+    writer.out.append(f"({type(node).__name__}")
+    writer.field("pattern", getattr(node, "pattern", None))
+    _bound(writer, node.name)
+    writer.out.append(")")
+
+
+def _mapping_pattern(writer: Writer, node: ast.MatchMapping, _role: int) -> None:
+    writer.out.append("(MatchMapping")
+    writer.field("keys", node.keys)
+    writer.field("patterns", node.patterns)
+    _bound(writer, node.rest)
+    writer.out.append(")")
+
+
+def _bound(writer: Writer, name: str | None) -> None:
+    if name is not None:
+        writer.out.append(f" as {writer.names.bind(name)}")
+
+
+def _note_activity(writer: Writer, nodes: list[Any]) -> None:
+    """Note that a definition calls something when it is executed."""
+    if nodes and not writer.names.is_later:
+        writer.names.facts.is_active = True
+
+
+def _refuse_global_writes(writer: Writer, bindings: Bindings, node: ast.AST) -> None:
+    if written := sorted(bindings.globals & bindings.kinds.keys()):
+        error = UntraceableCodeError(
+            "a module variable is written through `global`",
+            found=", ".join(written),
+            hint="Return the value, or keep it in an object that is passed on",
+        )
+        writer.refuse(error, node)
+
+
+DEFINITIONS: dict[type[ast.AST], Callable[[Writer, Any, int], None]] = {
+    ast.FunctionDef: _function,
+    ast.AsyncFunctionDef: _function,
+    ast.Lambda: _lambda,
+    ast.arg: _argument,
+    ast.ClassDef: _class,
+    ast.ListComp: _comprehension,
+    ast.SetComp: _comprehension,
+    ast.DictComp: _comprehension,
+    ast.GeneratorExp: _comprehension,
+    ast.Import: _import,
+    ast.ImportFrom: _import,
+    ast.Try: _try,
+    ast.TryStar: _try,
+    ast.ExceptHandler: _handler,
+    ast.MatchAs: _pattern,
+    ast.MatchStar: _pattern,
+    ast.MatchMapping: _mapping_pattern,
+}
+"""How each kind of node is written."""

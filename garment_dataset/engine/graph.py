@@ -1,0 +1,157 @@
+"""The graph of a build: nodes, what feeds them, and their order."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, NamedTuple
+
+from garment_dataset.errors import StageError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator, Mapping
+    from pathlib import Path
+
+    from garment_dataset.engine.stage import Label, Stage, StageParams
+
+
+class NodeId(NamedTuple):
+    """A stage, and the recording (or other subject) it is run for."""
+
+    stage: str
+    subject: str
+
+    def __str__(self) -> str:
+        return f"{self.stage}:{self.subject}"
+
+
+@dataclass(frozen=True)
+class Node:
+    """One run of one stage.
+
+    Parameters
+    ----------
+    stage : Stage
+        What is run.
+    subject : str
+        The recording, or what else the run covers.
+    params : StageParams
+        Resolved parameters.
+    sources : mapping of str to Path
+        External inputs by argument name.
+    inputs : mapping of str to NodeId
+        For every input table, the node that makes it.
+    labels : mapping of str to Label
+        What the result's identity columns say.
+    partition : str
+        Where under a table's folder the result is published.
+    blocked : str or None
+        Why it cannot be run at all, and what to provide.
+    """
+
+    stage: Stage
+    subject: str
+    params: StageParams
+    sources: Mapping[str, Path] = field(default_factory=dict)
+    inputs: Mapping[str, NodeId] = field(default_factory=dict)
+    labels: Mapping[str, Label] = field(default_factory=dict)
+    partition: str = ""
+    blocked: str | None = None
+
+    @property
+    def id(self) -> NodeId:
+        """Stage and subject."""
+        return NodeId(self.stage.name, self.subject)
+
+
+class Graph:
+    """Nodes in an order in which every node comes after those that feed it.
+
+    Subjects keep the order they were given in, and so do the stages of one subject as far as their inputs allow: the
+    stages of one recording stand together, so that they run while its pages are in memory.
+
+    Raises
+    ------
+    StageError
+        If an input is made by no node, two nodes are the same, or nodes feed each other in a circle.
+    """
+
+    def __init__(self, nodes: Iterable[Node]) -> None:
+        given: dict[NodeId, Node] = {}
+        for node in nodes:
+            if node.id in given:
+                raise StageError("two nodes of one name", where=node.id)
+            given[node.id] = node
+        self._nodes: dict[NodeId, Node] = {}
+        for node in given.values():
+            self._place(node, given, ())
+        self._readers: dict[NodeId, list[NodeId]] = {node_id: [] for node_id in self._nodes}
+        for node in self:
+            for feeder in dict.fromkeys(node.inputs.values()):
+                self._readers[feeder].append(node.id)
+
+    def _place(self, node: Node, given: Mapping[NodeId, Node], above: tuple[NodeId, ...]) -> None:
+        if node.id in self._nodes:
+            return
+        if node.id in above:
+            circle = " -> ".join(str(item) for item in (*above[above.index(node.id) :], node.id))
+            raise StageError("stages feed each other in a circle", found=circle)
+        for table, source in node.inputs.items():
+            if source not in given:
+                raise StageError(f"its input {table!r} is made by no node", where=node.id, found=source)
+            self._place(given[source], given, (*above, node.id))
+        self._nodes[node.id] = node
+
+    def __iter__(self) -> Iterator[Node]:
+        return iter(self._nodes.values())
+
+    def __len__(self) -> int:
+        return len(self._nodes)
+
+    def __getitem__(self, node_id: NodeId) -> Node:
+        return self._nodes[node_id]
+
+    def __contains__(self, node_id: object) -> bool:
+        return node_id in self._nodes
+
+    def downstream(self, node_id: NodeId) -> list[NodeId]:
+        """Return the nodes that read this one's tables, in order."""
+        return self._readers[node_id]
+
+    def restricted_to(self, wanted: Iterable[NodeId]) -> Graph:
+        """Return the graph of ``wanted`` and everything that feeds them."""
+        keep: set[NodeId] = set()
+        stack = list(wanted)
+        while stack:
+            node_id = stack.pop()
+            if node_id not in keep:
+                keep.add(node_id)
+                stack.extend(self[node_id].inputs.values())
+        return Graph(node for node in self if node.id in keep)
+
+
+def producers(stages: Iterable[Stage]) -> dict[str, Stage]:
+    """Return which stage makes each table.
+
+    Raises
+    ------
+    StageError
+        If two stages make one table, or an input is made by none.
+    """
+    made: dict[str, Stage] = {}
+    known = list(stages)
+    for stage in known:
+        for output in stage.outputs:
+            if output.name in made:
+                makers = f"{made[output.name].name} and {stage.name}"
+                raise StageError(f"table {output.name!r} is made by two stages", found=makers)
+            made[output.name] = stage
+    for stage in known:
+        for table in stage.inputs:
+            if table not in made:
+                raise StageError(
+                    f"argument {table!r} is no table of any stage",
+                    where=stage.name,
+                    expected=f"one of {sorted(made)}, a source ({sorted(stage.sources)}) or 'params'",
+                    hint="Rename the argument, or add a stage that makes the table.",
+                )
+    return made

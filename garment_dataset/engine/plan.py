@@ -1,0 +1,302 @@
+"""Plan, then act: one decision per node, with every reason, before anything is run.
+
+The same decisions drive ``status``, ``why``, ``build --dry-run`` and ``build``.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+from garment_dataset.engine.canonical import digest
+from garment_dataset.engine.index import FORMAT
+from garment_dataset.engine.sources import SourceStat, stat_source
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Mapping
+    from pathlib import Path
+
+    from garment_dataset.engine.code import Code
+    from garment_dataset.engine.graph import Graph, Node, NodeId
+    from garment_dataset.engine.index import Failure, Result
+    from garment_dataset.engine.store import Store
+
+
+class State(StrEnum):
+    """What is known of a node before anything is run."""
+
+    FRESH = "fresh"
+    STALE = "stale"
+    MISSING = "missing"
+    BLOCKED = "blocked"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class Reason:
+    """One difference between what is published and what would be made now.
+
+    Parameters
+    ----------
+    kind : str
+        ``parameter``, ``code``, ``library``, ``source``, ``input``, ``label``, ``output``, ``upstream``, ``failure``,
+        ``absent`` or ``new``.
+    name : str
+        Which one: a parameter's name, a function's, a table's …
+    old, new : str or None
+        The two sides, where there are two.
+    """
+
+    kind: str
+    name: str
+    old: str | None = None
+    new: str | None = None
+
+    def __str__(self) -> str:
+        text = f"{self.kind} {self.name}"
+        if self.old is not None and self.new is not None:
+            return f"{text}: {self.old} -> {self.new}"
+        if self.new is not None:
+            return f"{text}: {self.new}"
+        return text if self.old is None else f"{text}: was {self.old}"
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """What is to be done with a node, and why.
+
+    Parameters
+    ----------
+    node : NodeId
+        Which one.
+    state : State
+        What is known.
+    reasons : tuple of Reason
+        Empty for a fresh node.
+    key : str or None
+        The key of the result wanted; None while an input is not known yet.
+    stored : bool
+        The wanted result lies in the store: it is linked, not made.
+    certain : bool
+        False when an input may turn out unchanged, and nothing is to be done then.
+    """
+
+    node: NodeId
+    state: State
+    reasons: tuple[Reason, ...] = ()
+    key: str | None = None
+    stored: bool = False
+    certain: bool = True
+
+    def to_json(self) -> dict[str, Any]:
+        """Return the decision as JSON-like data."""
+        reasons = [
+            {"kind": reason.kind, "name": reason.name, "old": reason.old, "new": reason.new} for reason in self.reasons
+        ]
+        return {
+            "stage": self.node.stage,
+            "recording": self.node.subject,
+            "state": self.state.value,
+            "certain": self.certain,
+            "stored": self.stored,
+            "key": self.key,
+            "reasons": reasons,
+        }
+
+
+class Plan:
+    """The decisions of a graph, in its order."""
+
+    def __init__(self, decisions: Mapping[NodeId, Decision]) -> None:
+        self._decisions = dict(decisions)
+
+    def __iter__(self) -> Iterator[Decision]:
+        return iter(self._decisions.values())
+
+    def __getitem__(self, node_id: NodeId) -> Decision:
+        return self._decisions[node_id]
+
+    def counts(self) -> dict[State, int]:
+        """Return how many nodes are in each state."""
+        found = Counter(decision.state for decision in self)
+        return {state: found[state] for state in State}
+
+    @property
+    def is_fresh(self) -> bool:
+        """Whether nothing is to be done."""
+        return all(decision.state is State.FRESH for decision in self)
+
+
+def node_facts(node: Node, code: Code, inputs: Mapping[str, str]) -> dict[str, Any]:
+    """Return everything that a node's result depends on: the pre-image of its key.
+
+    Parameters
+    ----------
+    node : Node
+        Which run.
+    code : Code
+        Fingerprint and library versions of its stage.
+    inputs : mapping of str to str
+        Content digests of its sources and input tables, by argument name.
+    """
+    return {
+        "format": FORMAT,
+        "stage": node.stage.name,
+        "params": node.params.model_dump(mode="json"),
+        "code": code.digest,
+        "libraries": dict(code.libraries),
+        "labels": dict(node.labels),
+        "partition": node.partition,
+        "inputs": dict(inputs),
+    }
+
+
+def node_key(facts: Mapping[str, Any]) -> str:
+    """Name a result by everything it depends on: equal keys mean equal results."""
+    return digest("node/1", facts)
+
+
+@dataclass(frozen=True)
+class Known:
+    """What the index holds, read once per plan."""
+
+    results: Mapping[str, Result]
+    published: Mapping[tuple[str, str], str]
+    failures: Mapping[tuple[str, str], Failure]
+    sources: Mapping[str, tuple[SourceStat, str]]
+
+    @classmethod
+    def of(cls, store: Store) -> Known:
+        """Read the index."""
+        index = store.index
+        return cls(index.results(), index.published(), index.failures(), index.source_digests())
+
+    def source_digest(self, path: Path) -> str | None:
+        """Return a source's digest if its state is the one it was computed for, else None."""
+        stat, known = self.sources.get(str(path), (None, None))
+        return known if stat is not None and stat == stat_source(path) else None
+
+
+def make_plan(graph: Graph, codes: Mapping[str, Code], store: Store) -> Plan:
+    """Decide about every node; nothing is run, written or read of any bag's content."""
+    planner = _Planner(codes, store, Known.of(store))
+    for node in graph:
+        planner.decide(node)
+    return Plan(planner.decisions)
+
+
+class _Planner:
+    """Decides node after node; what feeds a node has been decided before it."""
+
+    def __init__(self, codes: Mapping[str, Code], store: Store, known: Known) -> None:
+        self.codes = codes
+        self.store = store
+        self.known = known
+        self.decisions: dict[NodeId, Decision] = {}
+
+    def decide(self, node: Node) -> None:
+        self.decisions[node.id] = self._blocked(node) or self._uncertain(node) or self._certain(node)
+
+    def _blocked(self, node: Node) -> Decision | None:
+        if node.blocked is not None:
+            return Decision(node.id, State.BLOCKED, (Reason("absent", node.blocked),))
+        absent = [path for path in node.sources.values() if not path.exists()]
+        if absent:
+            return Decision(node.id, State.BLOCKED, tuple(Reason("absent", str(path)) for path in absent))
+        stuck = [
+            Reason("upstream", str(feeder), new=self.decisions[feeder].state.value)
+            for feeder in dict.fromkeys(node.inputs.values())
+            if self.decisions[feeder].state in {State.BLOCKED, State.FAILED}
+        ]
+        return Decision(node.id, State.BLOCKED, tuple(stuck)) if stuck else None
+
+    def _uncertain(self, node: Node) -> Decision | None:
+        reasons = [
+            Reason("upstream", str(feeder), new=self.decisions[feeder].state.value)
+            for feeder in dict.fromkeys(node.inputs.values())
+            if self._result_of(feeder) is None
+        ]
+        for name, path in node.sources.items():
+            if self.known.source_digest(path) is None:
+                seen = str(path) in self.known.sources
+                reasons.append(
+                    Reason("source" if seen else "new", name, new="touched since it was read" if seen else None)
+                )
+        if not reasons:
+            return None
+        published = self.known.published.get(node.id)
+        if published is None:
+            return Decision(node.id, State.MISSING, tuple(reasons))
+        facts = self.store.index.facts(published) or {}
+        own = self._own_reasons(facts, node) if facts else ()
+        return Decision(node.id, State.STALE, (*own, *reasons), certain=bool(own))
+
+    def _own_reasons(self, old: Mapping[str, Any], node: Node) -> tuple[Reason, ...]:
+        """Return how a node differs from a result's facts by itself, its inputs left aside."""
+        code = self.codes[node.stage.name]
+        return fact_reasons(old, node_facts(node, code, old["inputs"]), node, code)
+
+    def _result_of(self, node_id: NodeId) -> Result | None:
+        decision = self.decisions[node_id]
+        settled = decision.state is State.FRESH or decision.stored
+        return self.known.results[decision.key] if settled and decision.key is not None else None
+
+    def _certain(self, node: Node) -> Decision:
+        inputs = {name: self.known.source_digest(path) or "" for name, path in node.sources.items()}
+        for table, feeder in node.inputs.items():
+            result = self._result_of(feeder)
+            assert result is not None
+            inputs[table] = result.outputs[table].content
+        code = self.codes[node.stage.name]
+        facts = node_facts(node, code, inputs)
+        key = node_key(facts)
+        published = self.known.published.get(node.id)
+        found = self.known.results.get(key)
+        if found is not None and published == key and self.store.is_published(found):
+            return Decision(node.id, State.FRESH, key=key, stored=True)
+        old = self.store.index.facts(published) if published is not None else None
+        reasons = fact_reasons(old, facts, node, code) if old is not None else ()
+        if found is not None and self.store.holds(found):
+            reasons = reasons or (Reason("output", "not where users look"),)
+            return Decision(node.id, State.STALE, reasons, key=key, stored=True)
+        failure = self.known.failures.get(node.id)
+        if failure is not None and failure.key == key:
+            return Decision(node.id, State.FAILED, (Reason("failure", failure.kind, new=failure.message),), key=key)
+        if published is None:
+            return Decision(node.id, State.MISSING, (Reason("new", "never built"),), key=key)
+        return Decision(node.id, State.STALE, reasons or (Reason("output", "gone from the store"),), key=key)
+
+
+def fact_reasons(old: Mapping[str, Any], new: Mapping[str, Any], node: Node, code: Code) -> tuple[Reason, ...]:
+    """Return every difference between the facts of a published result and of the one wanted now."""
+    reasons = [
+        *_changed("parameter", old["params"], new["params"]),
+        *_changed("library", old["libraries"], new["libraries"]),
+        *_changed("label", old["labels"], new["labels"]),
+    ]
+    if old["code"] != new["code"]:
+        reasons += [Reason("code", symbol, new=how) for symbol, how in code.changes_since(old["code"])]
+    for name in sorted(set(old["inputs"]) | set(new["inputs"])):
+        before, now = old["inputs"].get(name), new["inputs"].get(name)
+        if before != now:
+            kind = "source" if name in node.stage.sources else "input"
+            reasons.append(Reason(kind, name, before and before[:12], now and now[:12]))
+    if old["partition"] != new["partition"]:
+        reasons.append(Reason("label", "partition", old["partition"], new["partition"]))
+    if old["format"] != new["format"]:
+        reasons.append(Reason("code", "format of the store", str(old["format"]), str(new["format"])))
+    return tuple(reasons)
+
+
+def _changed(kind: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Reason]:
+    return [
+        Reason(kind, name, _text(old, name), _text(new, name))
+        for name in sorted(set(old) | set(new))
+        if old.get(name) != new.get(name) or (name in old) != (name in new)
+    ]
+
+
+def _text(values: Mapping[str, Any], name: str) -> str:
+    return str(values[name]) if name in values else "(none)"

@@ -1,0 +1,300 @@
+"""Act on a plan: run what is to be run, publish what is made, keep going when a recording fails."""
+
+from __future__ import annotations
+
+import heapq
+from concurrent.futures import FIRST_COMPLETED, Future, wait
+from concurrent.futures.process import BrokenProcessPool
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING, Any
+
+from garment_dataset.engine.index import Failure, Result, StoredOutput
+from garment_dataset.engine.plan import State, node_facts, node_key
+from garment_dataset.engine.sources import SourceStat, stat_source
+from garment_dataset.engine.worker import Success, Task, Trouble, digest_task, run_task
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+    from pathlib import Path
+
+    from garment_dataset.engine.code import Code, CodeCache
+    from garment_dataset.engine.executors import Pool
+    from garment_dataset.engine.graph import Graph, Node, NodeId
+    from garment_dataset.engine.plan import Plan
+    from garment_dataset.engine.store import Store
+
+
+class Ending(StrEnum):
+    """What became of a node in a build."""
+
+    FRESH = "fresh"
+    BUILT = "built"
+    LINKED = "linked"
+    FAILED = "failed"
+    BLOCKED = "blocked"
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One node's ending, as it happens."""
+
+    node: NodeId
+    ending: Ending
+    seconds: float = 0.0
+    message: str = ""
+    notes: tuple[str, ...] = ()
+
+
+@dataclass
+class Report:
+    """All endings of a build, in the order they happened."""
+
+    events: dict[NodeId, Event] = field(default_factory=dict)
+
+    def of(self, ending: Ending) -> list[Event]:
+        """Return the events with this ending."""
+        return [event for event in self.events.values() if event.ending is ending]
+
+
+@dataclass(frozen=True)
+class Options:
+    """How a build is run.
+
+    Parameters
+    ----------
+    slots : int
+        Number of tasks to keep running.
+    retry_failed : bool
+        Run again what failed before with the very same inputs.
+    forced : bool
+        Run everything, fresh or not.
+    """
+
+    slots: int = 1
+    retry_failed: bool = False
+    forced: bool = False
+
+
+class Build:
+    """One run over a graph. This process alone writes the index and publishes.
+
+    Parameters
+    ----------
+    graph, plan : Graph, Plan
+        What is to be built, and what was decided about it.
+    codes : mapping of str to Code
+        The code of each stage by name.
+    code_cache : CodeCache
+        Asked once more before a result is published: code edited meanwhile must not be credited with it.
+    store : Store
+        Where results go.
+    pool : Pool
+        Where tasks run.
+    options : Options
+        See there.
+    emit : callable
+        Told of every node's ending as it happens.
+    """
+
+    def __init__(
+        self,
+        graph: Graph,
+        plan: Plan,
+        *,
+        codes: Mapping[str, Code],
+        code_cache: CodeCache,
+        store: Store,
+        pool: Pool,
+        options: Options,
+        emit: Callable[[Event], None],
+    ) -> None:
+        self._graph = graph
+        self._plan = plan
+        self._codes = codes
+        self._code_cache = code_cache
+        self._store = store
+        self._pool = pool
+        self._options = options
+        self._emit = emit
+        self._results = store.index.results()
+        self._published = store.index.published()
+        self._failures = store.index.failures()
+        self._digests = store.index.source_digests()
+        self._nodes = list(graph)
+        self._order = {node.id: number for number, node in enumerate(self._nodes)}
+        self._running: dict[Future[Any], tuple[Node, Task | tuple[Path, SourceStat]]] = {}
+        self._suspects: list[Node] = []
+        self._died: set[NodeId] = set()
+        self._done: dict[NodeId, Result] = {}
+        self.report = Report()
+        self._take_fresh()
+        self._waiting = {
+            node.id: len({feeder for feeder in node.inputs.values() if feeder not in self._done})
+            for node in self._nodes
+            if node.id not in self._done
+        }
+        self._ready = [self._order[node_id] for node_id, count in self._waiting.items() if not count]
+
+    def run(self) -> Report:
+        """Build everything that is not fresh, and say what became of every node."""
+        self._store.scratch_dir.mkdir(parents=True, exist_ok=True)
+        heapq.heapify(self._ready)
+        try:
+            while True:
+                self._fill()
+                if not self._running:
+                    return self.report
+                self._collect()
+        finally:
+            self._pool.close()
+
+    def _take_fresh(self) -> None:
+        """Count what the plan found fresh as done: it costs nothing more."""
+        for decision in self._plan:
+            if decision.state is State.FRESH and decision.key is not None and not self._options.forced:
+                found = self._results[decision.key]
+                self._done[decision.node] = found
+                self.report.events[decision.node] = Event(decision.node, Ending.FRESH, notes=found.notes)
+
+    def _fill(self) -> None:
+        """Start tasks. Those that were running when a worker died are tried again one by one, to find the culprit."""
+        while self._suspects and not self._running:
+            self._start(self._suspects.pop())
+        while self._ready and not self._suspects and len(self._running) < self._options.slots:
+            self._start(self._nodes[heapq.heappop(self._ready)])
+
+    def _start(self, node: Node) -> None:
+        """Bring a node as far as possible without work; submit what work it needs."""
+        if (obstacle := self._obstacle(node)) is not None:
+            self._end(Event(node.id, Ending.BLOCKED, message=obstacle))
+            return
+        for path in node.sources.values():
+            stat = stat_source(path)
+            if stat is None:
+                self._end(Event(node.id, Ending.BLOCKED, message=f"{path} is not there"))
+                return
+            if self._digests.get(str(path), (None,))[0] != stat:
+                self._running[self._pool.submit(digest_task, path, stat)] = (node, (path, stat))
+                return
+        task = self._task(node)
+        if self._settled(node, task):
+            return
+        self._running[self._pool.submit(run_task, task)] = (node, task)
+
+    def _obstacle(self, node: Node) -> str | None:
+        for feeder in dict.fromkeys(node.inputs.values()):
+            if feeder not in self._done:
+                return f"{feeder} {self.report.events[feeder].ending}"
+        return node.blocked
+
+    def _task(self, node: Node) -> Task:
+        sources = {name: (path, *self._digests[str(path)]) for name, path in node.sources.items()}
+        digests = {name: found for name, (_, _, found) in sources.items()}
+        inputs = {table: self._done[feeder].outputs[table] for table, feeder in node.inputs.items()}
+        digests |= {table: output.content for table, output in inputs.items()}
+        facts = node_facts(node, self._codes[node.stage.name], digests)
+        return Task(
+            module=node.stage.module,
+            subject=node.subject,
+            partition=node.partition,
+            params=facts["params"],
+            sources={name: (path, stat) for name, (path, stat, _) in sources.items()},
+            inputs={table: self._store.object_path(output.file.digest) for table, output in inputs.items()},
+            labels=node.labels,
+            key=node_key(facts),
+            facts=facts,
+            scratch_dir=self._store.scratch_dir,
+        )
+
+    def _settled(self, node: Node, task: Task) -> bool:
+        """Deal with a node that needs no work: fresh, in the store already, or known to fail."""
+        if self._options.forced:
+            return False
+        found = self._results.get(task.key)
+        if found is not None and self._published.get(node.id) == task.key and self._store.is_published(found):
+            self._end(Event(node.id, Ending.FRESH, notes=found.notes), found)
+            return True
+        if found is not None and self._store.holds(found):
+            self._store.publish(found)
+            self._end(Event(node.id, Ending.LINKED, notes=found.notes), found)
+            return True
+        failure = self._failures.get(node.id)
+        if failure is not None and failure.key == task.key and not self._options.retry_failed:
+            message = f"{failure.message} (as before; `garment build --failed` tries again)"
+            self._end(Event(node.id, Ending.FAILED, message=message))
+            return True
+        return False
+
+    def _collect(self) -> None:
+        """Wait for a task to end, and deal with all that have."""
+        finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
+        for future in sorted(finished, key=lambda future: self._order[self._running[future][0].id]):
+            if isinstance(future.exception(), BrokenProcessPool):
+                self._bury()
+                return
+            node, work = self._running.pop(future)
+            if isinstance(work, Task):
+                self._finish(node, work, future.result())
+            else:
+                self._digested(node, *work, future.result())
+
+    def _bury(self) -> None:
+        """Deal with a worker that died and took the pool with it: whoever ran alone is to blame, else each is tried."""
+        victims = [node for node, _ in self._running.values()]
+        tasks = [work for _, work in self._running.values()]
+        self._running.clear()
+        self._pool.restart()
+        if len(victims) == 1 and victims[0].id in self._died:
+            message = "its worker process died twice: killed, or out of memory"
+            key = tasks[0].key if isinstance(tasks[0], Task) else ""
+            self._fail(victims[0], key, Trouble("WorkerDied", message, ""))
+            return
+        self._died.update(node.id for node in victims)
+        self._suspects += victims[::-1]
+
+    def _digested(self, node: Node, path: Path, stat: SourceStat, found: str | Trouble) -> None:
+        if isinstance(found, Trouble):
+            self._fail(node, "", found)
+            return
+        self._store.index.set_source_digest(path, stat, found)
+        self._digests[str(path)] = (stat, found)
+        self._start(node)
+
+    def _finish(self, node: Node, task: Task, ended: Success | Trouble) -> None:
+        if isinstance(ended, Success) and not self._code_cache.is_as_read(node.stage):
+            message = "its code was edited during the build; nothing made of it was kept"
+            for output in ended.outputs.values():
+                output.path.unlink()
+            ended = Trouble("CodeChanged", message, "")
+        if isinstance(ended, Trouble):
+            self._fail(node, task.key, ended)
+            return
+        outputs = {
+            table: StoredOutput(self._store.adopt(written.path, written.digest), written.content, written.rows)
+            for table, written in ended.outputs.items()
+        }
+        result = Result(task.key, node.stage.name, node.subject, node.partition, outputs, task.facts, ended.notes)
+        with self._store.index.transaction():
+            self._store.index.add_result(result)
+            self._store.publish(result)
+        self._end(Event(node.id, Ending.BUILT, ended.seconds, notes=ended.notes), result)
+
+    def _fail(self, node: Node, key: str, trouble: Trouble) -> None:
+        before = self._failures.get(node.id)
+        attempts = before.attempts + 1 if before is not None and before.key == key else 1
+        self._store.index.set_failure(
+            Failure(node.stage.name, node.subject, key, trouble.kind, trouble.message, trouble.traceback, attempts)
+        )
+        self._end(Event(node.id, Ending.FAILED, message=trouble.message))
+
+    def _end(self, event: Event, result: Result | None = None) -> None:
+        self.report.events[event.node] = event
+        if result is not None:
+            self._done[event.node] = result
+        for node_id in self._graph.downstream(event.node):
+            if node_id in self._waiting:
+                self._waiting[node_id] -= 1
+                if not self._waiting[node_id]:
+                    heapq.heappush(self._ready, self._order[node_id])
+        self._emit(event)

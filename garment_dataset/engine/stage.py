@@ -1,0 +1,92 @@
+"""What a stage is: a pure function, its parameters and its output tables."""
+
+from __future__ import annotations
+
+import inspect
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+
+from pydantic import BaseModel, ConfigDict
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Mapping
+
+    import pyarrow as pa
+
+Label = str | int | float | None
+"""A value that stands in a column of every row of a result."""
+
+
+class StageParams(BaseModel):
+    """Knobs of a stage: immutable, every one with a default, unknown ones refused."""
+
+    model_config: ClassVar[ConfigDict] = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+
+class Output(Protocol):
+    """What the engine asks of an output table's declaration."""
+
+    @property
+    def name(self) -> str:
+        """The table's name, and the argument name in stages that read it."""
+        ...
+
+    def finish(self, table: pa.Table, labels: Mapping[str, Label]) -> pa.Table:
+        """Check a stage's table and add the columns that say whose it is."""
+        ...
+
+    def describe(self) -> dict[str, object]:
+        """Return the schema as JSON-like data."""
+        ...
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A pure function, with all that its result depends on besides its inputs.
+
+    Parameters
+    ----------
+    function : callable
+        Takes its inputs by name: a table by the table's name (a :class:`pyarrow.Table`), an external source by the
+        source's name (a :class:`pathlib.Path`), and ``params``. Returns a mapping from output name to table.
+        The function's name is the stage's name.
+    params : type of StageParams
+        The knobs, with their defaults.
+    outputs : tuple of Output
+        The tables that the function returns.
+    sources : frozenset of str
+        Which of the arguments are external sources.
+    per : str
+        What one run covers: ``recording``, or ``background`` for what many recordings share.
+    """
+
+    function: Callable[..., Mapping[str, pa.Table]]
+    params: type[StageParams]
+    outputs: tuple[Output, ...]
+    sources: frozenset[str] = field(default_factory=lambda: frozenset({"bag"}))
+    per: str = "recording"
+
+    @property
+    def name(self) -> str:
+        """The function's name."""
+        return self.function.__name__
+
+    @property
+    def module(self) -> str:
+        """The module that holds the function, and this stage as ``STAGE``."""
+        return self.function.__module__
+
+    @cached_property
+    def arguments(self) -> tuple[str, ...]:
+        """The names of what the function takes, ``params`` left out."""
+        return tuple(name for name in inspect.signature(self.function).parameters if name != "params")
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """The tables it reads."""
+        return tuple(name for name in self.arguments if name not in self.sources)
+
+    def run(self, arguments: Mapping[str, Any], params: StageParams) -> Mapping[str, pa.Table]:
+        """Call the function."""
+        return self.function(**arguments, params=params)

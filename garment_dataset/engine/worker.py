@@ -1,0 +1,178 @@
+"""What a worker process does: run one stage for one subject, and write its tables to scratch files."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib
+import os
+import signal
+import time
+import traceback
+import uuid
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from garment_dataset.engine.sources import digest_source, stat_source
+from garment_dataset.errors import BagError, DataWarning, GarmentError, StageError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+
+    import pyarrow as pa
+
+    from garment_dataset.engine.sources import SourceStat
+    from garment_dataset.engine.stage import Label, Stage
+
+_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
+
+
+@dataclass(frozen=True)
+class Task:
+    """One run of one stage, in values that cross a process boundary.
+
+    Parameters
+    ----------
+    module : str
+        Holds the stage as ``STAGE``.
+    subject, partition : str
+        Whose result, and where it will be published.
+    params : mapping
+        Resolved parameters, as JSON.
+    sources : mapping of str to (Path, SourceStat)
+        External inputs, and the state they must still be in afterwards.
+    inputs : mapping of str to Path
+        Objects with the input tables.
+    labels : mapping of str to Label
+        Values of the identity columns.
+    key : str
+        Name of the result.
+    facts : mapping
+        Pre-image of the key, for the footer.
+    scratch_dir : Path
+        Where the tables are written; on the same disk as the store.
+    """
+
+    module: str
+    subject: str
+    partition: str
+    params: Mapping[str, Any]
+    sources: Mapping[str, tuple[Path, SourceStat]]
+    inputs: Mapping[str, Path]
+    labels: Mapping[str, Label]
+    key: str
+    facts: Mapping[str, Any]
+    scratch_dir: Path
+
+
+class Written(NamedTuple):
+    """One table on scratch: where, the sha256 of its bytes, its content digest, its number of rows."""
+
+    path: Path
+    digest: str
+    content: str
+    rows: int
+
+
+@dataclass(frozen=True)
+class Success:
+    """What a stage made, by table name, what it said of data left out, and how long it took."""
+
+    outputs: Mapping[str, Written]
+    notes: tuple[str, ...]
+    seconds: float
+
+
+@dataclass(frozen=True)
+class Trouble:
+    """Why a stage did not succeed: the error's class, its message, and where it came from."""
+
+    kind: str
+    message: str
+    traceback: str
+
+
+def prepare_process() -> None:
+    """Set up a worker process: one thread each, and Ctrl-C left to the coordinating process."""
+    for variable in _ONE_THREAD:
+        os.environ[variable] = "1"
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+
+
+def run_task(task: Task) -> Success | Trouble:
+    """Run a stage; never raise, since an error must reach the coordinating process whole."""
+    started = time.perf_counter()
+    try:
+        outputs, notes = _run(task)
+    except GarmentError as error:
+        return Trouble(type(error).__name__, str(error), traceback.format_exc())
+    except Exception as error:  # noqa: BLE001 - a bug in a stage must not stop the other recordings
+        return Trouble(type(error).__name__, f"{type(error).__name__}: {error}", traceback.format_exc())
+    return Success(outputs, notes, time.perf_counter() - started)
+
+
+def digest_task(path: Path, stat: SourceStat) -> str | Trouble:
+    """Compute a source's content digest; a source that changed meanwhile is a trouble."""
+    try:
+        found = digest_source(path)
+        _check_unchanged(path, stat)
+    except GarmentError as error:
+        return Trouble(type(error).__name__, str(error), traceback.format_exc())
+    return found
+
+
+def _run(task: Task) -> tuple[dict[str, Written], tuple[str, ...]]:
+    from garment_dataset.engine.artifacts import read_artifact
+
+    stage: Stage = importlib.import_module(task.module).STAGE
+    arguments: dict[str, Any] = {name: path for name, (path, _) in task.sources.items()}
+    arguments |= {name: read_artifact(path) for name, path in task.inputs.items()}
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always", DataWarning)
+        tables = stage.run(arguments, stage.params.model_validate(task.params))
+    notes = tuple(dict.fromkeys(str(item.message) for item in caught if issubclass(item.category, DataWarning)))
+    for path, stat in task.sources.values():
+        _check_unchanged(path, stat)
+    expected = [output.name for output in stage.outputs]
+    if sorted(tables) != sorted(expected):
+        raise StageError(
+            "returns other tables than it declares", where=stage.name, expected=expected, found=list(tables)
+        )
+    written = {
+        output.name: _write(output.finish(tables[output.name], task.labels), output.name, expected, task, notes)
+        for output in stage.outputs
+    }
+    return written, notes
+
+
+def _write(table: pa.Table, name: str, tables: list[str], task: Task, notes: tuple[str, ...]) -> Written:
+    from garment_dataset.engine.artifacts import content_digest, write_artifact
+
+    content = content_digest(table)
+    footer = {
+        "key": task.key,
+        "table": name,
+        "tables": tables,
+        "subject": task.subject,
+        "partition": task.partition,
+        "facts": task.facts,
+        "content": content,
+        "rows": table.num_rows,
+        "notes": notes,
+    }
+    path = task.scratch_dir / f"{uuid.uuid4().hex}.parquet"
+    write_artifact(table, path, footer)
+    return Written(path, hashlib.sha256(path.read_bytes()).hexdigest(), content, table.num_rows)
+
+
+def _check_unchanged(path: Path, stat: SourceStat) -> None:
+    found = stat_source(path)
+    if found != stat:
+        raise BagError(
+            "changed while it was read",
+            where=path,
+            expected=f"{stat.size_bytes} bytes, unchanged",
+            found="gone" if found is None else f"{found.size_bytes} bytes",
+            hint="Nothing made of it was kept; build again when it is complete.",
+        )
