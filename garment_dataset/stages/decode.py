@@ -1,0 +1,236 @@
+"""Read what a bag holds besides pixels: where its images lie, its cameras, the gripper and the joints."""
+
+from __future__ import annotations
+
+import warnings
+from dataclasses import asdict
+from itertools import pairwise
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import PositiveFloat
+
+from garment_dataset.engine.stage import Stage, StageParams
+from garment_dataset.errors import BagError, DataWarning, MessageError
+from garment_dataset.tables import CAMERA, FRAMES, GRIPPER, JOINTS
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+    from pathlib import Path
+
+    import pyarrow as pa
+
+    from garment_dataset.bags import Bag, ImageMessage
+
+    Row = dict[str, Any]
+    Columns = dict[str, list[Any]]
+
+Stream = Literal["depth", "color"]
+
+_JOINT_STATE = "sensor_msgs/msg/JointState"
+
+
+class DecodeParams(StageParams):
+    """Names in the bag, and how the gripper is found."""
+
+    depth_topic: str = "/xtion1/depth/image_raw"  # or its compressed variant, below this name
+    color_topic: str = "/xtion1/rgb/image_raw"
+    depth_camera_info_topic: str = ""  # empty: camera_info beside the images
+    color_camera_info_topic: str = ""
+    joint_topic: str = "/joint_states"
+    gripper_topic: str = "/r2_ee_to_depth"  # end point of the gripper in the depth camera
+    tf_topic: str = "/tf"
+    tf_static_topic: str = "/tf_static"
+    gripper_source: Literal["auto", "topic", "tf"] = "auto"  # auto: the topic, and tf where it has no answer
+    camera_frame: str = "xtion1_depth_optical_frame"  # empty: the frame_id of the depth images
+    gripper_frame: str = "r2_ee"  # its origin is the end point of the gripper
+    gripper_max_gap_s: PositiveFloat = 0.1  # longest time between two samples that is interpolated across
+
+
+def decode(bag: Path, params: DecodeParams) -> dict[str, pa.Table]:
+    """Index the images of a bag and read its small topics.
+
+    Parameters
+    ----------
+    bag : Path
+        The recording.
+    params : DecodeParams
+        Names of topics and frames.
+
+    Returns
+    -------
+    dict of str to pyarrow.Table
+        ``frames``: every image message of both streams, faulty ones with their fault; ``camera``: one row per stream;
+        ``gripper``: one row per usable depth frame; ``joints``: one row per joint and message.
+
+    Raises
+    ------
+    BagError
+        If the bag cannot be read, holds neither stream, or has no usable K for its depth images.
+
+    Warns
+    -----
+    DataWarning
+        For all that is missing or left out.
+    """
+    from garment_dataset.bags import open_bag
+
+    with open_bag(bag) as opened:
+        topics = _image_topics(opened, params)
+        streams = {
+            name: [_frame_row(name, image) for image in opened.images(topic, name)] for name, topic in topics.items()
+        }
+        for name, rows in streams.items():
+            _warn_of_frames(f"{bag.name}: {topics[name]}", rows)
+        camera = CAMERA.build(_read_cameras(opened, streams, params))
+        gripper = GRIPPER.build(_read_gripper(opened, streams.get("depth", []), params))
+        joints = JOINTS.build(_read_joints(opened, params.joint_topic))
+    rows = [row for stream in streams.values() for row in stream]
+    frames = FRAMES.build({column.name: [row[column.name] for row in rows] for column in FRAMES.columns})
+    return {"frames": frames, "camera": camera, "gripper": gripper, "joints": joints}
+
+
+def _image_topics(bag: Bag, params: DecodeParams) -> dict[Stream, str]:
+    """Return the topic of each stream that the bag holds."""
+    bases: dict[Stream, str] = {"depth": params.depth_topic, "color": params.color_topic}
+    topics = {name: topic for name, base in bases.items() if (topic := bag.image_topic(base)) is not None}
+    if not topics:
+        raise BagError(
+            "no images",
+            where=bag.path.name,
+            expected=" or ".join(bases.values()),
+            found=", ".join(bag.topics) or "no topics",
+            hint="Name its topics in the pipeline file",
+        )
+    for name, base in bases.items():
+        if name not in topics:
+            warnings.warn(f"{bag.path.name}: no {name} images, {base} is missing", DataWarning, stacklevel=3)
+    return topics
+
+
+def _frame_row(stream: Stream, image: ImageMessage) -> Row:
+    """Describe one message; only decoding shows whether a compressed image is whole, and how large it is."""
+    height_px, width_px, fault = image.height_px, image.width_px, image.fault
+    if fault is None and height_px is None:
+        try:
+            height_px, width_px = image.pixels().shape[:2]
+        except MessageError as error:
+            fault = str(error)
+    return {
+        "stream": stream,
+        "frame": image.index,
+        "stamp_ns": image.stamp_ns,
+        "record_stamp_ns": image.record_stamp_ns,
+        "frame_id": image.frame_id,
+        "encoding": image.encoding,
+        "width_px": width_px,
+        "height_px": height_px,
+        "step_bytes": image.step_bytes,
+        "offset_bytes": image.offset_bytes,
+        "size_bytes": image.size_bytes,
+        "fault": fault,
+    }
+
+
+def _usable(rows: Iterable[Row]) -> list[Row]:
+    return [row for row in rows if row["fault"] is None]
+
+
+def _warn_of_frames(where: str, rows: list[Row]) -> None:
+    if faulty := [row for row in rows if row["fault"] is not None]:
+        text = f"{where}: {len(faulty)} of {len(rows)} messages skipped, first message {faulty[0]['frame']}"
+        warnings.warn(f"{text}: {faulty[0]['fault']}", DataWarning, stacklevel=3)
+    pairs = pairwise(_usable(rows))
+    if late := [after["frame"] for before, after in pairs if after["stamp_ns"] <= before["stamp_ns"]]:
+        text = f"{where}: {len(late)} header stamps do not increase, first that of message {late[0]}"
+        warnings.warn(text, DataWarning, stacklevel=3)
+
+
+def _read_cameras(bag: Bag, frames: Mapping[Stream, list[Row]], params: DecodeParams) -> Columns:
+    """Return the camera of each stream; without that of the depth images nothing can be measured in them."""
+    from garment_dataset.bags.camera import read_camera
+
+    topics: dict[Stream, str] = {
+        "depth": params.depth_camera_info_topic or _beside(params.depth_topic),
+        "color": params.color_camera_info_topic or _beside(params.color_topic),
+    }
+    columns: Columns = {column.name: [] for column in CAMERA.columns}
+    for name, rows in frames.items():
+        try:
+            camera = read_camera(bag, topics[name])
+        except BagError as error:
+            if name == "depth":
+                raise
+            warnings.warn(f"camera of the color images left out: {error}", DataWarning, stacklevel=3)
+            continue
+        for column, value in {"stream": name, **asdict(camera)}.items():
+            columns[column].append(value)
+        sizes = {(row["width_px"], row["height_px"]) for row in _usable(rows)}
+        if others := sorted(sizes - {(camera.width_px, camera.height_px)}):
+            text = f"{topics[name]} is for {camera.width_px} x {camera.height_px} pixels"
+            found = ", ".join(f"{width} x {height}" for width, height in others)
+            warnings.warn(f"{bag.path.name}: {text}, {name} images have {found}", DataWarning, stacklevel=3)
+    return columns
+
+
+def _beside(image_topic: str) -> str:
+    return f"{image_topic.rpartition('/')[0]}/camera_info"
+
+
+def _read_gripper(bag: Bag, depth: list[Row], params: DecodeParams) -> Columns:
+    """Return the end point at each usable depth frame."""
+    from garment_dataset.bags.gripper import read_gripper
+
+    usable = _usable(depth)
+    of_images = usable[0]["frame_id"] if usable else params.camera_frame
+    camera_frame = params.camera_frame or of_images
+    if camera_frame.lstrip("/") != of_images.lstrip("/"):
+        text = f"depth images are in frame {of_images!r}, the gripper is given in {camera_frame!r}"
+        warnings.warn(f"{bag.path.name}: {text}", DataWarning, stacklevel=3)
+    stamps_ns = [row["stamp_ns"] for row in usable]
+    track = read_gripper(
+        bag,
+        stamps_ns,
+        camera_frame=camera_frame,
+        gripper_frame=params.gripper_frame,
+        source=params.gripper_source,
+        topic=params.gripper_topic,
+        tf_topic=params.tf_topic,
+        tf_static_topic=params.tf_static_topic,
+        max_gap_s=params.gripper_max_gap_s,
+    )
+    return {
+        "frame": [row["frame"] for row in usable],
+        "stamp_ns": stamps_ns,
+        "x_m": track.x_m.tolist(),
+        "y_m": track.y_m.tolist(),
+        "z_m": track.z_m.tolist(),
+        "source": list(track.source),
+        "gap_ns": list(track.gap_ns),
+        "reason": list(track.reason),
+    }
+
+
+def _read_joints(bag: Bag, topic: str) -> Columns:
+    """Return a row per joint and message; velocities may be absent, other lengths than that of the names may not."""
+    columns: Columns = {column.name: [] for column in JOINTS.columns}
+    left_out = 0
+    for message in bag.messages(topic):
+        state = message.data
+        if message.type != _JOINT_STATE or not {len(state.position), len(state.velocity)} <= {0, len(state.name)}:
+            left_out += 1
+            continue
+        count, stamp = len(state.name), state.header.stamp
+        columns["stamp_ns"] += [stamp.sec * 1_000_000_000 + stamp.nanosec] * count
+        columns["record_stamp_ns"] += [message.record_stamp_ns] * count
+        columns["joint"] += state.name
+        columns["position_rad"] += state.position.tolist() or [None] * count
+        columns["velocity_rad_s"] += state.velocity.tolist() or [None] * count
+    if topic not in bag.topics:
+        warnings.warn(f"{bag.path.name}: no joints, {topic} is missing", DataWarning, stacklevel=3)
+    if left_out:
+        text = f"{bag.path.name}: {left_out} messages left out: {topic}, no joint states"
+        warnings.warn(text, DataWarning, stacklevel=3)
+    return columns
+
+
+STAGE = Stage(decode, params=DecodeParams, outputs=(FRAMES, CAMERA, GRIPPER, JOINTS))
