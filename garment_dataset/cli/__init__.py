@@ -1,0 +1,40 @@
+"""The command ``garment``: parse, call one function, print."""
+
+from __future__ import annotations
+
+import sys
+
+import typer
+
+from garment_dataset.cli import build, catalog, workspace
+from garment_dataset.cli.output import say
+from garment_dataset.errors import GarmentError
+
+app = typer.Typer(
+    name="garment",
+    help="Robot recordings of moving cloth, turned into features that a parameter estimator can trust.",
+    no_args_is_help=True,
+    add_completion=False,
+    pretty_exceptions_enable=False,
+    rich_markup_mode=None,
+)
+app.command("init")(workspace.init)
+app.command("list")(catalog.list_)
+app.command("show")(catalog.show)
+app.command("lint")(catalog.lint_)
+app.command("build")(build.build)
+app.command("status")(build.status)
+app.command("why")(build.why)
+app.command("dag")(build.dag)
+
+
+def main() -> None:
+    """Run the command; what a user caused is one line, a bug keeps its traceback."""
+    try:
+        app()
+    except GarmentError as error:
+        say(f"garment: {error}")
+        sys.exit(error.exit_code)
+    except KeyboardInterrupt:
+        say("garment: interrupted; what was finished is kept")
+        sys.exit(130)

@@ -1,0 +1,234 @@
+"""``garment build``, ``status``, ``why`` and ``dag``: one plan, shown or acted on."""
+
+from __future__ import annotations
+
+from collections import Counter
+from enum import StrEnum
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from garment_dataset.building import Session
+from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, print_json, print_table, say
+from garment_dataset.engine.plan import State
+from garment_dataset.errors import FilterError
+from garment_dataset.workspace import Workspace
+
+if TYPE_CHECKING:
+    from garment_dataset.engine.plan import Decision, Plan
+    from garment_dataset.engine.run import Report
+
+StageOption = Annotated[
+    list[str] | None, typer.Option("--stage", "-s", help="Only this stage and what feeds it; may be repeated.")
+]
+
+
+def build(
+    filters: FiltersArgument = None,
+    stage: StageOption = None,
+    jobs: Annotated[
+        int | None,
+        typer.Option("--jobs", "-j", min=0, help="Worker processes; 0: none, run in this one. [default: one per CPU]"),
+    ] = None,
+    dry_run: Annotated[
+        bool, typer.Option("--dry-run", "-n", help="Say what would be done, and why; do nothing.")
+    ] = False,
+    failed: Annotated[
+        bool, typer.Option("--failed", help="Try again what failed before with the same inputs.")
+    ] = False,
+    force: Annotated[bool, typer.Option("--force", "-f", help="Run everything selected, fresh or not.")] = False,
+    rehash: Annotated[
+        bool, typer.Option("--rehash", help="Read the bags' content anew, whatever size and time say.")
+    ] = False,
+    workspace: WorkspaceOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Build what is missing or stale, and nothing else."""
+    with Session(Workspace.find(workspace), filters or (), stage or ()) as session:
+        if rehash:
+            session.forget_digests()
+        plan = session.plan()
+        _refuse_nothing(session, plan)
+        if dry_run:
+            _show_plan(plan, session, as_json=as_json)
+            return
+        if plan.is_fresh and not force:
+            if as_json:
+                print_json({"counts": {"fresh": len(session.graph)}, "events": []})
+            say(f"nothing to do: all {_results(len(session.graph))} of {_recordings(session)} are fresh")
+            return
+        from garment_dataset.cli.progress import progress
+
+        open_nodes = [decision for decision in plan if force or decision.state is not State.FRESH]
+        with progress(len(open_nodes)) as tell:
+            report = session.build(plan, jobs=jobs, retry_failed=failed, forced=force, emit=tell)
+    _summarise(report, session, as_json=as_json)
+
+
+def status(
+    filters: FiltersArgument = None,
+    stage: StageOption = None,
+    workspace: WorkspaceOption = None,
+    as_json: JsonOption = False,
+    exit_code: Annotated[bool, typer.Option("--exit-code", help="Exit with 1 when something is not fresh.")] = False,
+) -> None:
+    """Say what is fresh, stale, missing, blocked or failed, and why."""
+    with Session(Workspace.find(workspace), filters or (), stage or ()) as session:
+        plan = session.plan()
+        _show_plan(plan, session, as_json=as_json)
+    if exit_code and not plan.is_fresh:
+        raise typer.Exit(1)
+
+
+def why(
+    recording: Annotated[str, typer.Argument(help="Name of a recording.")],
+    stage: Annotated[str | None, typer.Argument(help="Only this stage.")] = None,
+    workspace: WorkspaceOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Say, for every stage of one recording, what would be done with it and every reason, old -> new."""
+    with Session(Workspace.find(workspace), [recording], [stage] if stage else ()) as session:
+        decisions = [decision for decision in session.plan() if stage in {None, decision.node.stage}]
+        tracebacks = {key: failure.traceback for key, failure in session.store.index.failures().items()}
+        absent = [row.recording for row in session.selection.absent]
+    if not decisions:
+        raise FilterError(
+            "nothing is built of it",
+            where=recording,
+            found="no bag in the recordings folder" if absent else "no pipeline names it",
+            hint="`garment dag` shows which pipelines there are.",
+        )
+    if as_json:
+        print_json([decision.to_json() for decision in decisions])
+        return
+    for decision in decisions:
+        print(f"{decision.node}: {_verdict(decision)}")
+        for reason in decision.reasons:
+            print(f"    {reason}")
+        if decision.state is State.FAILED and (trace := tracebacks.get(decision.node)):
+            print("    " + trace.rstrip().replace("\n", "\n    "))
+
+
+class DagForm(StrEnum):
+    """How the graph of stages is drawn."""
+
+    TEXT = "text"
+    MERMAID = "mermaid"
+
+
+def dag(
+    form: Annotated[DagForm, typer.Option("--form", help="Text, or Mermaid for documents.")] = DagForm.TEXT,
+    params: Annotated[bool, typer.Option("--params", help="Show every stage's parameters, defaults included.")] = False,
+    workspace: WorkspaceOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Draw the graph of stages: what each reads, and which tables it makes."""
+    from garment_dataset.cli import dag as drawing
+
+    pipelines = drawing.load(Workspace.find(workspace))
+    if as_json:
+        print_json(drawing.to_json(pipelines))
+    elif form is DagForm.MERMAID:
+        print(drawing.to_mermaid(pipelines))
+    else:
+        print(drawing.to_text(pipelines, params=params))
+
+
+def _refuse_nothing(session: Session, plan: Plan) -> None:
+    if list(plan):
+        return
+    absent = len(session.selection.absent)
+    found = f"{absent} recordings of the catalog without a bag" if absent else "no recording"
+    raise FilterError(
+        "nothing to build",
+        where=session.workspace.recordings_dir,
+        expected="bags of recordings that a pipeline names",
+        found=found,
+        hint="`garment list` shows which there are.",
+    )
+
+
+def _verdict(decision: Decision) -> str:
+    if decision.state is State.STALE and decision.stored:
+        return "stale, but the result wanted is in the store: it will be linked"
+    if decision.state is State.STALE and not decision.certain:
+        return "perhaps stale: run only if what feeds it comes out different"
+    return decision.state.value
+
+
+def _show_plan(plan: Plan, session: Session, *, as_json: bool) -> None:
+    decisions = list(plan)
+    absent = len(session.selection.absent)
+    if as_json:
+        counts = {state.value: count for state, count in plan.counts().items()}
+        print_json({"counts": counts, "absent": absent, "decisions": [decision.to_json() for decision in decisions]})
+        return
+    if decisions and not plan.is_fresh:
+        _print_matrix(decisions, session)
+        _print_reasons(decisions)
+    counts_text = ", ".join(f"{count} {state.value}" for state, count in plan.counts().items() if count)
+    print(f"{_results(len(decisions))} of {_recordings(session)}: {counts_text or 'nothing to build'}")
+    if absent:
+        print(f"{absent} recordings of the catalog have no bag here (`garment list state=missing`)")
+
+
+def _print_matrix(decisions: list[Decision], session: Session) -> None:
+    stages = [stage.name for stage in session.stages]
+    states: dict[str, dict[str, str]] = {}
+    for decision in decisions:
+        mark = "" if decision.certain else "?"
+        states.setdefault(decision.node.subject, {})[decision.node.stage] = decision.state.value + mark
+    rows = [
+        [subject, *(by_stage.get(stage, "") for stage in stages)]
+        for subject, by_stage in states.items()
+        if set(by_stage.values()) != {State.FRESH.value}
+    ]
+    print_table(["recording", *stages], rows)
+
+
+def _print_reasons(decisions: list[Decision]) -> None:
+    found = Counter((decision.node.stage, str(reason)) for decision in decisions for reason in decision.reasons)
+    rows = [[count, stage, reason] for (stage, reason), count in found.items()]
+    shown = 20
+    if rows:
+        print_table(["nodes", "stage", "reason"], rows[:shown])
+    if len(rows) > shown:
+        print(f"... and {len(rows) - shown} more reasons (`garment why NAME`, or --json for all)")
+
+
+def _summarise(report: Report, session: Session, *, as_json: bool) -> None:
+    from garment_dataset.engine.run import Ending
+
+    counts = {ending.value: len(report.of(ending)) for ending in Ending}
+    failures = report.of(Ending.FAILED)
+    if as_json:
+        events: list[dict[str, Any]] = [
+            {
+                "stage": event.node.stage,
+                "recording": event.node.subject,
+                "ending": event.ending.value,
+                "message": event.message,
+                "notes": list(event.notes),
+            }
+            for event in report.events.values()
+        ]
+        print_json({"counts": counts, "events": events})
+    if failures:
+        say(f"{len(failures)} failed:")
+        for event in failures:
+            say(f"  {event.node}: {event.message}")
+        say("`garment why NAME` shows where; `garment build --failed` tries again")
+    say(", ".join(f"{count} {name}" for name, count in counts.items() if count))
+    if report.of(Ending.BUILT) or report.of(Ending.LINKED):
+        say(f"results: {session.workspace.features_dir}")
+    if failures:
+        raise typer.Exit(1)
+
+
+def _results(count: int) -> str:
+    return "1 result" if count == 1 else f"{count} results"
+
+
+def _recordings(session: Session) -> str:
+    count = len({node.subject for node in session.graph})
+    return "1 recording" if count == 1 else f"{count} recordings"

@@ -1,0 +1,72 @@
+"""Progress of a build: a bar on a terminal, plain lines elsewhere; always on stderr."""
+
+from __future__ import annotations
+
+import os
+import sys
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+from garment_dataset.cli.output import say
+from garment_dataset.engine.run import Ending
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Iterator
+
+    from garment_dataset.engine.run import Event
+
+
+@contextmanager
+def progress(total: int) -> Iterator[Callable[[Event], None]]:
+    """Yield what is to be told of every ending.
+
+    Parameters
+    ----------
+    total : int
+        Number of endings to come.
+    """
+    if sys.stderr.isatty() and "CI" not in os.environ and os.environ.get("TERM") != "dumb":
+        with _bar(total) as tell:
+            yield tell
+    else:
+        yield lambda event: say(line(event))
+
+
+def line(event: Event) -> str:
+    """Return one ending as a plain line."""
+    text = f"{event.ending.value:8}{event.node.stage} {event.node.subject}"
+    if event.ending is Ending.BUILT:
+        text += f"  {event.seconds:.2f} s"
+    if event.message:
+        text += f"  {event.message}"
+    return "\n".join([text, *(f"        note: {note}" for note in event.notes if event.ending is Ending.BUILT)])
+
+
+@contextmanager
+def _bar(total: int) -> Iterator[Callable[[Event], None]]:
+    from rich.console import Console
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        Progress,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
+        task = bar.add_task("building", total=total)
+
+        def tell(event: Event) -> None:
+            bar.update(task, advance=1, description=f"{event.node.stage} {event.node.subject}")
+            if event.ending is Ending.FAILED or (event.ending is Ending.BUILT and event.notes):
+                bar.console.print(line(event), markup=False, highlight=False)
+
+        yield tell

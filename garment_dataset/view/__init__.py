@@ -1,0 +1,1 @@
+"""Pictures of single frames with what was extracted from them; needs the extra ``view``."""

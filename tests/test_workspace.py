@@ -1,0 +1,57 @@
+"""Workspaces: made, found upward, configured, and refused with a hint."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from garment_dataset.errors import WorkspaceError
+from garment_dataset.workspace import Workspace
+
+
+def test_a_new_workspace_is_found_from_within(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    made = Workspace.create(tmp_path / "ws")
+    deep = made.recordings_dir / "a" / "b"
+    deep.mkdir(parents=True)
+    monkeypatch.chdir(deep)
+    assert Workspace.find() == made
+    assert Workspace.find(tmp_path / "ws") == made
+    assert len(made.catalog().rows) == 46
+
+
+def test_nothing_is_ever_overwritten(tmp_path: Path) -> None:
+    Workspace.create(tmp_path / "ws")
+    with pytest.raises(WorkspaceError, match="already a workspace"):
+        Workspace.create(tmp_path / "ws")
+    (tmp_path / "half" / "catalog").mkdir(parents=True)
+    with pytest.raises(WorkspaceError, match="in the way"):
+        Workspace.create(tmp_path / "half")
+    assert list((tmp_path / "half").iterdir()) == [tmp_path / "half" / "catalog"]
+
+
+def test_no_workspace_is_one_line_with_a_hint(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    with pytest.raises(WorkspaceError, match="garment init"):
+        Workspace.find()
+    with pytest.raises(WorkspaceError, match="not a workspace"):
+        Workspace.find(tmp_path)
+
+
+def test_settings_move_the_folders(tmp_path: Path) -> None:
+    made = Workspace.create(tmp_path / "ws")
+    (made.root / "garment.toml").write_text('[paths]\nrecordings = "/data/bags"\nfeatures = "out"\n')
+    moved = Workspace.find(made.root)
+    assert moved.recordings_dir == Path("/data/bags")
+    assert moved.features_dir == made.root / "out"
+    assert moved.private_dir == made.private_dir
+
+
+@pytest.mark.parametrize(
+    ("text", "message"), [("[paths", "not TOML"), ("[paths]\nbags = 'x'", "bags"), ("[path]\n", "'path'")]
+)
+def test_settings_that_cannot_be_read_are_named(tmp_path: Path, text: str, message: str) -> None:
+    made = Workspace.create(tmp_path / "ws")
+    (made.root / "garment.toml").write_text(text)
+    with pytest.raises(WorkspaceError, match=message):
+        Workspace.find(made.root)
