@@ -36,7 +36,7 @@ def test_two_pipelines_may_share_a_stage_but_not_contradict(workspace: Workspace
     other = workspace.pipelines_dir / "towels.toml"
     other.write_text('recordings = ["garment=GreenTowel"]\nstages = ["decode"]\n')
     assert len(graph_of(workspace)) == 9
-    other.write_text('recordings = ["garment=GreenTowel"]\nstages = ["decode"]\n[params.decode]\ngripper_source = "tf"\n')
+    other.write_text('stages = ["decode"]\n[params.decode]\ngripper_source = "tf"\n')
     with pytest.raises(PipelineError, match="different parameters"):
         graph_of(workspace)
 

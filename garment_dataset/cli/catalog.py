@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from itertools import groupby
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -19,6 +20,7 @@ from garment_dataset.cli.output import (
     print_table,
     say,
 )
+from garment_dataset.errors import FilterError
 from garment_dataset.filters import Kind, compile_filter
 from garment_dataset.lint import lint
 from garment_dataset.workspace import Workspace
@@ -56,19 +58,27 @@ def list_(
 
 def show(
     recording: Annotated[str, typer.Argument(metavar="NAME", help="Name of a recording, or its file.")],
+    frame: Annotated[
+        int | None, typer.Option("--frame", min=0, help="Draw this image, with what was found in it.")
+    ] = None,
+    save: Annotated[Path | None, typer.Option("--save", help="Where to: a .png, .svg or .pdf file.")] = None,
     workspace: WorkspaceOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Show all that the catalog knows of one recording."""
-    catalog = Workspace.find(workspace).catalog()
+    """Show all that is known of one recording, or draw one of its frames."""
+    place = Workspace.find(workspace)
+    catalog = place.catalog()
     row = catalog.row(recording)
+    if frame is not None or save is not None:
+        _draw(place, row, frame, save)
+        return
     topics = catalog.topics(row.topics_file)
     background = catalog.backgrounds.get(row.topics_file)
     if as_json:
         more = {"topics": topics, "background": background, "holding_description": _holding(catalog, row)}
         print_json({**row.record(), **more})
         return
-    facts = _facts(catalog, row)
+    facts = [*_facts(catalog, row), *_results(place, row)]
     width = max(len(label) for label, _ in facts)
     for label, value in facts:
         print(f"{label:{width}}  {'-' if value is None else value}")
@@ -100,6 +110,32 @@ def lint_(
         print(", ".join(f"{count} {code}" for code, count in counts.items()) or "names, tables and folder agree")
     if findings:
         raise typer.Exit(1)
+
+
+def _draw(place: Workspace, row: CatalogRow, frame: int | None, save: Path | None) -> None:
+    from garment_dataset.view.frames import save_frame
+
+    if frame is None or save is None:
+        raise FilterError("a picture needs a frame and a file", expected="--frame N --save FILE.png")
+    save_frame(place, row, frame, save)
+    say(f"wrote {save}")
+
+
+def _results(place: Workspace, row: CatalogRow) -> list[tuple[str, object]]:
+    """Return what the results say of the recording's images, if it was built."""
+    from garment_dataset.features import load_features
+
+    if not (place.features_dir / "frames").is_dir():
+        return []
+    frames = load_features("frames", folder=place.features_dir, recording=row.recording)
+    facts: list[tuple[str, object]] = []
+    for stream, images in frames.groupby("stream"):
+        faulty = images[images["fault"].notna()]
+        text = f"{len(images)} images"
+        if len(faulty):
+            text += f", {len(faulty)} not used, first {faulty['frame'].iloc[0]}: {faulty['fault'].iloc[0]}"
+        facts.append((str(stream), text))
+    return facts
 
 
 def _listed(row: CatalogRow) -> list[object]:

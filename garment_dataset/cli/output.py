@@ -25,7 +25,9 @@ WorkspaceOption = Annotated[
 JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and nothing else, on stdout.")]
 FiltersArgument = Annotated[
     list[str] | None,
-    typer.Argument(help="Which recordings: key=value[,value] terms and name globs.", show_default=False),
+    typer.Argument(
+        metavar="[FILTERS]...", help="Which recordings: key=value[,value] terms and name globs.", show_default=False
+    ),
 ]
 
 
@@ -58,6 +60,11 @@ def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]], *, tit
 def say(text: str) -> None:
     """Print one line for the person at the terminal, on stderr."""
     sys.stderr.write(text + "\n")
+
+
+def show_warning(message: Warning | str, *_: object) -> None:
+    """Print a warning as one line, in place of :func:`warnings.showwarning`."""
+    say(f"garment: warning: {' '.join(str(message).split())}")
 
 
 def _cell(value: object) -> str:

@@ -194,7 +194,7 @@ class Index:
     def published_partition(self, stage: str, subject: str) -> str | None:
         """Return the partition of what is published for a stage and subject, if anything is."""
         rows = self._read(
-            "SELECT partition FROM result JOIN published USING (key) WHERE published.stage = ? AND published.subject = ?",
+            "SELECT partition FROM published JOIN result USING (key) WHERE (published.stage, published.subject) = (?, ?)",
             stage,
             subject,
         )

@@ -81,7 +81,7 @@ def _draw_image(axes: Axes, frame: DepthFrame, points: pd.DataFrame, centre_m: f
         u, v = _project(frame.gripper.to_frame().T, frame.camera)
         axes.plot(u, v, "x", color="black", markersize=9, markeredgewidth=2, label="gripper")
     axes.set(xlabel="u [px]", ylabel="v [px]")
-    axes.legend(loc="lower left")
+    axes.legend(loc="lower left", fontsize="small", facecolor="0.3", labelcolor="white")
 
 
 def _draw_profile(axes: Axes, frame: DepthFrame, points: pd.DataFrame) -> None:
@@ -102,7 +102,7 @@ def _draw_profile(axes: Axes, frame: DepthFrame, points: pd.DataFrame) -> None:
     axes.set_aspect("equal", adjustable="datalim")
     axes.set(xlabel="z, forward [m]", ylabel="y, down [m]", title="profile")
     axes.grid(alpha=0.3)
-    axes.legend(loc="lower left")
+    axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), fontsize="small")
 
 
 def _project(rows: pd.DataFrame, camera: pd.Series[float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

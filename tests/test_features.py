@@ -1,0 +1,116 @@
+"""Results are plain Parquet: every reader finds the same rows and types, and ours adds the units."""
+
+from __future__ import annotations
+
+import json
+from typing import TYPE_CHECKING
+
+import duckdb
+import pandas as pd
+import polars as pl
+import pyarrow as pa
+import pyarrow.dataset as ds
+import pyarrow.parquet as pq
+import pytest
+
+from garment_dataset import load_features, open_features
+from garment_dataset.errors import FilterError, StoreError
+from garment_dataset.workspace import Workspace
+from tests.conftest import RECORDINGS
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+TABLES = ["frames", "camera", "gripper", "joints", "chains", "points", "kinematics"]
+
+
+@pytest.fixture(scope="module")
+def features(tmp_path_factory: pytest.TempPathFactory, sample_bags: dict[str, Path]) -> Path:
+    made = Workspace.create(tmp_path_factory.mktemp("features") / "ws")
+    for name, path in sample_bags.items():
+        (made.recordings_dir / f"{name}.bag").symlink_to(path)
+    made.build(jobs=0)
+    return made.features_dir
+
+
+def by_arrow(folder: Path) -> pa.Table:
+    return ds.dataset(folder, partitioning="hive").to_table()
+
+
+def sorted_rows(table: pa.Table) -> list[dict[str, object]]:
+    names = sorted(table.column_names)
+    rows = table.select(names).to_pylist()
+    return sorted(rows, key=repr)
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_four_readers_find_the_same_rows(features: Path, table: str) -> None:
+    expected = sorted_rows(by_arrow(features / table))
+    assert len(expected) > 0
+    pattern = str(features / table / "**" / "*.parquet")
+    duck = duckdb.sql(f"SELECT * FROM read_parquet('{pattern}', hive_partitioning = true)").to_arrow_table()
+    assert sorted_rows(duck) == expected
+    assert sorted_rows(pl.read_parquet(pattern, hive_partitioning=True).to_arrow()) == expected
+    frame = pd.read_parquet(features / table)
+    assert len(frame) == len(expected)
+    assert set(frame.columns) == set(expected[0])
+    assert set(frame["recording"]) == set(RECORDINGS)
+
+
+@pytest.mark.parametrize("table", TABLES)
+def test_types_are_the_same_for_every_reader(features: Path, table: str) -> None:
+    declared = {
+        column["name"]: column for column in json.loads((features / table / "_schema.json").read_text())["columns"]
+    }
+    pattern = str(features / table / "**" / "*.parquet")
+    polars = pl.read_parquet(pattern, hive_partitioning=True).to_arrow().schema
+    arrow = by_arrow(features / table).schema
+    for path in sorted((features / table).rglob("*.parquet")):
+        schema = pq.read_schema(path)
+        assert schema.names == list(declared)
+        for field in schema:
+            assert field.metadata[b"unit"].decode() == declared[field.name]["unit"]
+            assert arrow.field(field.name).type == field.type
+            if pa.types.is_primitive(field.type):
+                assert polars.field(field.name).type == field.type
+    for key in ("garment", "holding"):
+        assert key not in declared
+        assert pa.types.is_large_string(polars.field(key).type) or pa.types.is_string_view(polars.field(key).type)
+
+
+def test_a_frame_knows_its_units(features: Path) -> None:
+    frame = load_features("kinematics", folder=features)
+    units = frame.attrs["units"]
+    assert (units["z_m"], units["vz_m_s"], units["stamp_ns"]) == ("m", "m/s", "ns")
+    assert "forward" in frame.attrs["descriptions"]["z_m"]
+    assert set(frame["point"]) == set(range(6))
+
+
+def test_filters_choose_rows(features: Path) -> None:
+    scarf = load_features("points", folder=features, garment="MyScarf", point=[1, 5])
+    assert set(scarf["recording"]) == {"MyScarf_Corner_pi16_0.5_R1"}
+    assert set(scarf["point"]) == {1, 5}
+    assert len(load_features("points", folder=features, recording=list(RECORDINGS[:2]))) == 2 * 24 * 5
+    assert load_features("points", folder=features, garment="Nobody").empty
+    assert open_features("points", folder=features).count_rows() == 3 * 24 * 5
+
+
+def test_what_is_not_there_is_named(features: Path, tmp_path: Path) -> None:
+    with pytest.raises(FilterError, match="expected one of"):
+        load_features("points", folder=features, colour="red")
+    with pytest.raises(StoreError, match=r"no files of table 'pionts'.*points"):
+        load_features("pionts", folder=features)
+    with pytest.raises(StoreError, match="garment build"):
+        load_features("points", folder=tmp_path)
+
+
+def test_a_hanging_sheet_is_found_where_it_is(features: Path) -> None:
+    """The whole road, from bag to DataFrame: a sheet of 50 cm, five points in the middles of its fifths."""
+    points = load_features("points", folder=features, recording=RECORDINGS[0])
+    gripper = load_features("gripper", folder=features, recording=RECORDINGS[0])
+    at_rest = points[points["frame"] == 0].sort_values("point")
+    below = at_rest["y_m"].to_numpy() - gripper["y_m"].iloc[0]
+    pitch_m = 1.065 / 142.5  # one pixel of these small images
+    assert below == pytest.approx([0.05, 0.15, 0.25, 0.35, 0.45], abs=pitch_m + 0.0025)
+    assert at_rest["z_m"].to_numpy() == pytest.approx(1.065, abs=0.0006)  # whole millimetres
+    assert points["reason"].isna().all()
