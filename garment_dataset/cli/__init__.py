@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import sys
+import warnings
 
 import typer
 
 from garment_dataset.cli import build, catalog, workspace
-from garment_dataset.cli.output import say
+from garment_dataset.cli.output import say, show_warning
 from garment_dataset.errors import GarmentError
+from garment_dataset.simulate.command import simulate
 
 app = typer.Typer(
     name="garment",
@@ -26,10 +28,12 @@ app.command("build")(build.build)
 app.command("status")(build.status)
 app.command("why")(build.why)
 app.command("dag")(build.dag)
+app.command("simulate")(simulate)
 
 
 def main() -> None:
     """Run the command; what a user caused is one line, a bug keeps its traceback."""
+    warnings.showwarning = show_warning
     try:
         app()
     except GarmentError as error:

@@ -15,7 +15,7 @@ from garment_dataset.errors import FilterError
 from garment_dataset.workspace import Workspace
 
 if TYPE_CHECKING:
-    from garment_dataset.engine.plan import Decision, Plan
+    from garment_dataset.engine.plan import Decision, Plan, Reason
     from garment_dataset.engine.run import Report
 
 StageOption = Annotated[
@@ -187,13 +187,18 @@ def _print_matrix(decisions: list[Decision], session: Session) -> None:
 
 
 def _print_reasons(decisions: list[Decision]) -> None:
-    found = Counter((decision.node.stage, str(reason)) for decision in decisions for reason in decision.reasons)
+    found = Counter((decision.node.stage, _grouped(reason)) for decision in decisions for reason in decision.reasons)
     rows = [[count, stage, reason] for (stage, reason), count in found.items()]
     shown = 20
     if rows:
         print_table(["nodes", "stage", "reason"], rows[:shown])
     if len(rows) > shown:
         print(f"... and {len(rows) - shown} more reasons (`garment why NAME`, or --json for all)")
+
+
+def _grouped(reason: Reason) -> str:
+    """Return a reason's text; of what stands above in the graph only the stage, so that recordings count together."""
+    return f"upstream {reason.name.partition(':')[0]}: {reason.new}" if reason.kind == "upstream" else str(reason)
 
 
 def _summarise(report: Report, session: Session, *, as_json: bool) -> None:
