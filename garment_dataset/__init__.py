@@ -6,8 +6,28 @@
 >>> load_features("kinematics", garment="GreenTowel", point=[1, 5])  # doctest: +SKIP
 """
 
-from garment_dataset.catalog import Catalog
-from garment_dataset.features import load_features, open_features
-from garment_dataset.workspace import Workspace
+from __future__ import annotations
+
+import importlib
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from garment_dataset.catalog import Catalog
+    from garment_dataset.features import load_features, open_features
+    from garment_dataset.workspace import Workspace
 
 __all__ = ["Catalog", "Workspace", "load_features", "open_features"]
+
+_HOMES = {
+    "Catalog": "garment_dataset.catalog",
+    "Workspace": "garment_dataset.workspace",
+    "load_features": "garment_dataset.features",
+    "open_features": "garment_dataset.features",
+}
+
+
+def __getattr__(name: str) -> object:
+    """Import the public names when they are asked for: the command line starts without them."""
+    if name in _HOMES:
+        return getattr(importlib.import_module(_HOMES[name]), name)
+    raise AttributeError(f"module {__name__!r} has no attribute {name!r}")

@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from collections import Counter
 from enum import StrEnum
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from garment_dataset.building import Session
 from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, print_json, print_table, say
-from garment_dataset.engine.plan import State
 from garment_dataset.errors import FilterError
-from garment_dataset.workspace import Workspace
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from garment_dataset.building import Session
     from garment_dataset.engine.plan import Decision, Plan, Reason
     from garment_dataset.engine.run import Report
 
@@ -44,7 +45,7 @@ def build(
     as_json: JsonOption = False,
 ) -> None:
     """Build what is missing or stale, and nothing else."""
-    with Session(Workspace.find(workspace), filters or (), stage or ()) as session:
+    with _session(workspace, filters or (), stage or ()) as session:
         if rehash:
             session.forget_digests()
         plan = session.plan()
@@ -59,7 +60,7 @@ def build(
             return
         from garment_dataset.cli.progress import progress
 
-        open_nodes = [decision for decision in plan if force or decision.state is not State.FRESH]
+        open_nodes = [decision for decision in plan if force or decision.state != "fresh"]
         with progress(len(open_nodes)) as tell:
             report = session.build(plan, jobs=jobs, retry_failed=failed, forced=force, emit=tell)
     _summarise(report, session, as_json=as_json)
@@ -73,7 +74,7 @@ def status(
     exit_code: Annotated[bool, typer.Option("--exit-code", help="Exit with 1 when something is not fresh.")] = False,
 ) -> None:
     """Say what is fresh, stale, missing, blocked or failed, and why."""
-    with Session(Workspace.find(workspace), filters or (), stage or ()) as session:
+    with _session(workspace, filters or (), stage or ()) as session:
         plan = session.plan()
         _show_plan(plan, session, as_json=as_json)
     if exit_code and not plan.is_fresh:
@@ -87,7 +88,7 @@ def why(
     as_json: JsonOption = False,
 ) -> None:
     """Say, for every stage of one recording, what would be done with it and every reason, old -> new."""
-    with Session(Workspace.find(workspace), [recording], [stage] if stage else ()) as session:
+    with _session(workspace, [recording], [stage] if stage else ()) as session:
         decisions = [decision for decision in session.plan() if stage in {None, decision.node.stage}]
         tracebacks = {key: failure.traceback for key, failure in session.store.index.failures().items()}
         absent = [row.recording for row in session.selection.absent]
@@ -105,7 +106,7 @@ def why(
         print(f"{decision.node}: {_verdict(decision)}")
         for reason in decision.reasons:
             print(f"    {reason}")
-        if decision.state is State.FAILED and (trace := tracebacks.get(decision.node)):
+        if decision.state == "failed" and (trace := tracebacks.get(decision.node)):
             print("    " + trace.rstrip().replace("\n", "\n    "))
 
 
@@ -124,6 +125,7 @@ def dag(
 ) -> None:
     """Draw the graph of stages: what each reads, and which tables it makes."""
     from garment_dataset.cli import dag as drawing
+    from garment_dataset.workspace import Workspace
 
     pipelines = drawing.load(Workspace.find(workspace))
     if as_json:
@@ -132,6 +134,13 @@ def dag(
         print(drawing.to_mermaid(pipelines))
     else:
         print(drawing.to_text(pipelines, params=params))
+
+
+def _session(workspace: Path | None, filters: Sequence[str], stages: Sequence[str]) -> Session:
+    from garment_dataset.building import Session
+    from garment_dataset.workspace import Workspace
+
+    return Session(Workspace.find(workspace), filters, stages)
 
 
 def _refuse_nothing(session: Session, plan: Plan) -> None:
@@ -149,9 +158,9 @@ def _refuse_nothing(session: Session, plan: Plan) -> None:
 
 
 def _verdict(decision: Decision) -> str:
-    if decision.state is State.STALE and decision.stored:
+    if decision.state == "stale" and decision.stored:
         return "stale, but the result wanted is in the store: it will be linked"
-    if decision.state is State.STALE and not decision.certain:
+    if decision.state == "stale" and not decision.certain:
         return "perhaps stale: run only if what feeds it comes out different"
     return decision.state.value
 
@@ -181,7 +190,7 @@ def _print_matrix(decisions: list[Decision], session: Session) -> None:
     rows = [
         [subject, *(by_stage.get(stage, "") for stage in stages)]
         for subject, by_stage in states.items()
-        if set(by_stage.values()) != {State.FRESH.value}
+        if set(by_stage.values()) != {"fresh"}
     ]
     print_table(["recording", *stages], rows)
 

@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from garment_dataset.catalog import Catalog
 from garment_dataset.cli.output import (
     FiltersArgument,
     JsonOption,
@@ -21,15 +20,14 @@ from garment_dataset.cli.output import (
     say,
 )
 from garment_dataset.errors import FilterError
-from garment_dataset.filters import Kind, compile_filter
-from garment_dataset.lint import lint
-from garment_dataset.workspace import Workspace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
-    from garment_dataset.catalog import CatalogRow
+    from garment_dataset.catalog import BackgroundSource, Catalog, CatalogRow
+    from garment_dataset.filters import Kind
     from garment_dataset.lint import Finding
+    from garment_dataset.workspace import Workspace
 
 FINDING_KEYS: dict[str, Kind] = {"recording": str, "code": str, "severity": str}
 """What findings can be filtered by."""
@@ -44,7 +42,7 @@ def list_(
     as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV: every column, SI units.")] = False,
 ) -> None:
     """List the recordings of the tables and of the folder, and say which are present, missing or unexpected."""
-    catalog = Workspace.find(workspace).catalog()
+    catalog = _workspace(workspace).catalog()
     rows = catalog.select(filters or ())
     if as_json:
         print_json([row.record() for row in rows])
@@ -66,15 +64,15 @@ def show(
     as_json: JsonOption = False,
 ) -> None:
     """Show all that is known of one recording, or draw one of its frames."""
-    place = Workspace.find(workspace)
+    place = _workspace(workspace)
     catalog = place.catalog()
     row = catalog.row(recording)
     if frame is not None or save is not None:
         _draw(place, row, frame, save)
         return
     topics = catalog.topics(row.topics_file)
-    background = catalog.backgrounds.get(row.topics_file)
     if as_json:
+        background = dataclasses.asdict(catalog.background(row.topics_file))
         more = {"topics": topics, "background": background, "holding_description": _holding(catalog, row)}
         print_json({**row.record(), **more})
         return
@@ -97,7 +95,11 @@ def lint_(
     as_json: JsonOption = False,
 ) -> None:
     """Compare names, tables and folder; exit with 1 when anything disagrees."""
-    place = Workspace.find(workspace)
+    from garment_dataset.catalog import Catalog
+    from garment_dataset.filters import compile_filter
+    from garment_dataset.lint import lint
+
+    place = _workspace(workspace)
     wanted = compile_filter(filters or (), FINDING_KEYS)
     catalog = Catalog.load(place.catalog_dir, strict=False).with_folder(place.recordings_dir)
     findings = [finding for finding in lint(catalog) if wanted(_filterable(finding))]
@@ -110,6 +112,12 @@ def lint_(
         print(", ".join(f"{count} {code}" for code, count in counts.items()) or "names, tables and folder agree")
     if findings:
         raise typer.Exit(1)
+
+
+def _workspace(path: Path | None) -> Workspace:
+    from garment_dataset.workspace import Workspace
+
+    return Workspace.find(path)
 
 
 def _draw(place: Workspace, row: CatalogRow, frame: int | None, save: Path | None) -> None:
@@ -150,6 +158,10 @@ def _say_counts(catalog: Catalog, rows: Sequence[CatalogRow]) -> None:
     states = Counter(row.state for row in rows)
     counts = ", ".join(f"{count} {state}" for state, count in states.items())
     say(f"{len(rows)} recording{'s' * (len(rows) != 1)}{': ' * bool(counts)}{counts}")
+    if used := sorted({row.topics_file for row in rows if row.axis == "B" and row.path is not None}):
+        found = {number: catalog.background(number) for number in used}
+        texts = (f"{number}: {'missing' if bag.path is None else bag}" for number, bag in found.items())
+        say(f"backgrounds of the B recordings here, by topics file: {'; '.join(texts)}")
     if catalog.found is not None and (refused := len(catalog.found.refused) + len(catalog.found.unfinished)):
         say(f"{refused} more in {catalog.found.folder} with a wrong name or unfinished: see `garment lint`")
 
@@ -174,9 +186,13 @@ def _facts(catalog: Catalog, row: CatalogRow) -> list[tuple[str, object]]:
         ("speed", row.speed),
         ("axis", _AXES[row.axis]),
         ("partner", partner),
-        ("background", catalog.backgrounds.get(row.topics_file)),
+        ("background", _background(catalog.background(row.topics_file))),
         ("topics file", row.topics_file),
     ]
+
+
+def _background(background: BackgroundSource) -> str:
+    return f"{background} ({'missing' if background.path is None else background.path})"
 
 
 def _holding(catalog: Catalog, row: CatalogRow) -> str | None:

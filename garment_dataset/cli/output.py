@@ -62,7 +62,7 @@ def say(text: str) -> None:
     sys.stderr.write(text + "\n")
 
 
-def show_warning(message: Warning | str, *_: object) -> None:
+def show_warning(message: Warning | str, *_: object, **__: object) -> None:
     """Print a warning as one line, in place of :func:`warnings.showwarning`."""
     say(f"garment: warning: {' '.join(str(message).split())}")
 

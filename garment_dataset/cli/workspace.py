@@ -8,13 +8,13 @@ from typing import Annotated
 import typer
 
 from garment_dataset.cli.output import say
-from garment_dataset.workspace import Workspace
-
 
 def init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; must not be a workspace yet.")],
 ) -> None:
     """Write a new workspace: the thesis' catalog and pipelines, and a folder for the bags."""
+    from garment_dataset.workspace import Workspace
+
     workspace = Workspace.create(folder)
     say(f"wrote {workspace.root}: catalog/ pipelines/ recordings/")
     say(f"Put bags (or links to them) into {workspace.recordings_dir}, then: cd {folder} && garment list")

@@ -10,6 +10,9 @@ import json
 from typing import Any
 
 
+_ENCODER = json.JSONEncoder(sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+
+
 def canonical_json(value: Any) -> str:  # noqa: ANN401 - anything JSON can hold
     """Return ``value`` as JSON with sorted keys, no blanks and no NaN.
 
@@ -20,7 +23,7 @@ def canonical_json(value: Any) -> str:  # noqa: ANN401 - anything JSON can hold
     TypeError
         If something in it has no JSON form.
     """
-    return json.dumps(value, sort_keys=True, separators=(",", ":"), ensure_ascii=False, allow_nan=False)
+    return _ENCODER.encode(value)
 
 
 def digest(tag: str, value: Any) -> str:  # noqa: ANN401 - anything JSON can hold

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.engine.fingerprint import CodeBase, changed_parts, library_versions
+from garment_dataset.engine.code_libraries import library_versions
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from garment_dataset.engine.fingerprint import Fingerprint
+    from garment_dataset.engine.fingerprint import CodeBase, Fingerprint
     from garment_dataset.engine.stage import Stage
 
 _DECIDES_NOTHING = frozenset({"pydantic"})
@@ -45,6 +45,8 @@ class Code:
 
     def changes_since(self, old_digest: str) -> list[tuple[str, str]]:
         """Return which functions, classes and constants differ from an earlier digest, and how."""
+        from garment_dataset.engine.fingerprint import changed_parts
+
         try:
             old = json.loads((self.archive_dir / f"{old_digest}.json").read_text("utf-8"))
         except (OSError, ValueError):
@@ -108,6 +110,8 @@ class CodeCache:
         name = _name(stage)
         entry: dict[str, Any] | None = self._remembered.get(name)
         if entry is None or any(file_state(Path(path)) != (size, mtime) for path, size, mtime in entry["files"]):
+            from garment_dataset.engine.fingerprint import CodeBase
+
             if self._code_base is None:
                 self._code_base = CodeBase(self._roots)
             params = f"{stage.params.__module__}:{stage.params.__qualname__}"

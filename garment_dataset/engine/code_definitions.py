@@ -60,7 +60,7 @@ def _argument(writer: Writer, node: ast.arg, _role: int) -> None:
 def _class(writer: Writer, node: ast.ClassDef, _role: int) -> None:
     names = writer.names
     is_top = names.scope.kind == MODULE
-    outer_owner = names.owner
+    around = names.owner, writer.shared
     writer.out.append(f"(ClassDef {node.name!a}")
     writer.field("decorators", node.decorator_list, CALLED)
     _note_activity(writer, [*node.decorator_list, *node.bases, *node.keywords])
@@ -71,12 +71,26 @@ def _class(writer: Writer, node: ast.ClassDef, _role: int) -> None:
         writer.field("bases", node.bases, CALLED)
         writer.field("keywords", node.keywords, CALLED)
         if is_top:
-            names.owner = Symbol(writer.module.name, node.name)
+            names.owner, writer.shared = Symbol(writer.module.name, node.name), _shared_containers(node)
         with writer.inside(CLASS, bindings):
-            skips = is_top and writer.without_fields
+            skips = is_top and node.name in writer.fieldless
             writer.field("body", [each for each in node.body if not (skips and _skip_field(writer, each))])
-    names.owner = outer_owner
+    names.owner, writer.shared = around
     writer.out.append(")")
+
+
+def _shared_containers(node: ast.ClassDef) -> frozenset[str]:
+    """Return the class variables whose values look like containers: what one object does to them, all see."""
+    found = set()
+    for each in node.body:
+        match each:
+            case ast.Assign(value=ast.Call(func=ast.Name(id="field" | "Field"))):
+                continue
+            case ast.Assign(targets=[ast.Name(id=name)], value=ast.List() | ast.Dict() | ast.Set() | ast.Call()):
+                found.add(name)
+            case ast.AnnAssign(target=ast.Name(id=name), value=ast.List() | ast.Dict() | ast.Set()):
+                found.add(name)
+    return frozenset(found)
 
 
 def _skip_field(writer: Writer, node: ast.stmt) -> bool:

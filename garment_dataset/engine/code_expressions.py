@@ -64,13 +64,14 @@ def _attribute(writer: Writer, node: ast.Attribute, role: int) -> None:
     if node.attr in REFUSED_ATTRIBUTES:
         hint = "Name what is meant"
         writer.refuse(UntraceableCodeError("cannot be followed statically", found=node.attr, hint=hint), node)
-    if not isinstance(node.ctx, ast.Load):
+    is_stored = not isinstance(node.ctx, ast.Load)
+    if is_stored:
         role = CHANGED
         _refuse_write_to_module(writer, node)
     if (target := writer.target(node)) is not None:
         writer.out.append(names.refer(target, node, role))
         return
-    if node.attr == "__class__" and role & CHANGED:
+    if role & CHANGED and not is_stored and (node.attr == "__class__" or node.attr in writer.shared):
         names.change_owner()
     if role & CALLED:
         role = role & ~CALLED | (CHANGED if node.attr in CHANGING_METHODS else METHOD)

@@ -31,15 +31,15 @@ class Index:
     def __init__(self, modules: Modules) -> None:
         self.modules = modules
         self.values = Values(modules)
-        self._facts: dict[tuple[Statement, bool], Facts] = {}
+        self._facts: dict[tuple[Statement, frozenset[str]], Facts] = {}
         self._names: dict[str, dict[Target, set[str]]] = {}
         self._words: dict[str, dict[str, list[Statement]]] = {}
 
-    def facts(self, module: Module, statement: Statement, *, without_fields: bool = False) -> Facts:
-        """Return what a statement says."""
-        key = statement, without_fields
+    def facts(self, module: Module, statement: Statement, fieldless: frozenset[str]) -> Facts:
+        """Return what a statement says, without the fields of the classes named."""
+        key = statement, fieldless
         if key not in self._facts:
-            self._facts[key] = facts_of(self.modules, module, statement, without_fields=without_fields)
+            self._facts[key] = facts_of(self.modules, module, statement, fieldless)
         return self._facts[key]
 
     def mentioned(self, module: Module, symbols: Iterable[Symbol]) -> list[Symbol]:
@@ -86,7 +86,7 @@ class Index:
         """Return what a module's imports stand for, and under which names."""
         if module.name not in self._names:
             names: dict[Target, set[str]] = {}
-            imports = (each.bindings.imports for each in module.statements)
+            imports = (each.bindings.imports for each in module.statements if not each.is_for_checkers)
             for name, target in ((word, target) for some in imports for word in some for target in some[word]):
                 if self.modules.is_first_party(target.module):
                     try:

@@ -48,6 +48,7 @@ class External(NamedTuple):
 Target = Symbol | ModuleRef | External
 """What a name may stand for."""
 
+_BUILTINS = frozenset(dir(builtins)) - {"_"}  # which an interactive Python adds
 _MODULE_NAMES = MODULE_VARIABLES | {"__name__", "__package__", "__doc__", "__annotations__"}
 
 
@@ -168,7 +169,7 @@ class Modules:
             return Symbol(module.name, name)
         if name in module.loaded_submodules:
             return ModuleRef(f"{module.name}.{name}")
-        if name in _MODULE_NAMES or hasattr(builtins, name):
+        if name in _MODULE_NAMES or name in _BUILTINS:
             return External(f"builtins.{name}")
         return None
 

@@ -85,19 +85,23 @@ class Reach:
         self._modules = index.modules
         self._fields_excluded = frozenset(fields_excluded)
         self._queue: list[Symbol] = []
+        self._imports: list[tuple[str, Symbol]] = []
         self._watched: dict[Symbol, None] = {}
         self._changers: dict[Symbol, None] = {}
         self._searched: set[tuple[Symbol, str, bool]] = set()
         self._reach(entry, entry)
         while self._queue:
-            while self._queue:
-                self._take_symbol(self._queue.pop())
+            while self._queue or self._imports:
+                if self._imports:
+                    self._take_module(*self._imports.pop())
+                else:
+                    self._take_symbol(self._queue.pop())
             self._search()
 
     def facts(self, module: Module, statement: Statement) -> Facts:
         """Return what a statement says, without the fields that do not count."""
-        without = any(f"{module.name}:{name}" in self._fields_excluded for name in statement.binds)
-        return self._index.facts(module, statement, without_fields=without)
+        fieldless = frozenset(name for name in statement.binds if f"{module.name}:{name}" in self._fields_excluded)
+        return self._index.facts(module, statement, fieldless)
 
     def statements(self, symbol: Symbol) -> Iterable[Statement]:
         """Return the statements that make a symbol, in order."""
@@ -141,15 +145,18 @@ class Reach:
         for target, line in loads:
             try:
                 for name in self._modules.loaded(target):
+                    self._modules.module(name)
                     self._execute(name, by)
             except UntraceableCodeError as error:
                 self._refuse(located(error, f"{module.home.where}:{line}"), by)
 
     def _execute(self, name: str, by: Symbol) -> None:
-        if name in self.executed:
-            return
+        if name not in self.executed:
+            self.executed[name] = None
+            self._imports.append((name, by))
+
+    def _take_module(self, name: str, by: Symbol) -> None:
         module = self._modules.module(name)
-        self.executed[name] = None
         self.consulted.add(name)
         if module.effects:
             self._reach(Symbol(name, EFFECTS), by)

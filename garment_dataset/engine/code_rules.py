@@ -26,11 +26,8 @@ _REFUSED = {
     "pkgutil.get_data": _AS_CONSTANT,
     "runpy": _BY_NAME,
     "pydoc.locate": _BY_NAME,
-    "inspect.currentframe": _BY_NAME,
-    "inspect.stack": _BY_NAME,
-    "gc": _BY_NAME,
+    "gc.get_objects": _BY_NAME,
     "sys.modules": _BY_NAME,
-    "sys._getframe": _BY_NAME,
     "__main__": "Put it into a module of the package",
 }
 _ALLOWED = ("importlib.metadata",)

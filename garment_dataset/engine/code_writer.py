@@ -33,7 +33,7 @@ _TRANSPARENT = (ast.BoolOp, ast.IfExp, ast.Starred, ast.Await, ast.keyword)
 _HANDLERS = {**DEFINITIONS, **EXPRESSIONS}
 
 
-def facts_of(modules: Modules, module: Module, statement: Statement, *, without_fields: bool = False) -> Facts:
+def facts_of(modules: Modules, module: Module, statement: Statement, fieldless: frozenset[str]) -> Facts:
     """Return what one statement of a module says.
 
     Parameters
@@ -44,14 +44,16 @@ def facts_of(modules: Modules, module: Module, statement: Statement, *, without_
         The one it stands in.
     statement : Statement
         The statement.
-    without_fields : bool
-        Leave out the fields of the class that it defines: only their annotations are followed.
+    fieldless : frozenset of str
+        Classes that it defines whose fields are left out: only their annotations are followed.
     """
-    writer = Writer(modules, module, without_fields=without_fields)
+    writer = Writer(modules, module, fieldless)
     try:
         writer.write(statement.node)
     except RecursionError:
         writer.refuse(UntraceableCodeError("nested too deeply to be followed"), statement.node)
+    except UntraceableCodeError as error:
+        writer.refuse(error, statement.node)
     facts = writer.names.facts
     facts.digest = hashlib.sha256("".join(writer.out).encode("ascii")).hexdigest()
     return facts
@@ -70,16 +72,19 @@ class Writer:
         What is written so far, ASCII only.
     tries : int
         How many ``try`` statements the walk is in: there, an import can fail.
-    without_fields : bool
-        Whether the fields of a class are left out.
+    fieldless : frozenset of str
+        The module's classes whose fields are left out.
+    shared : frozenset of str
+        Containers that all objects of the class around share.
     """
 
-    def __init__(self, modules: Modules, module: Module, *, without_fields: bool) -> None:
+    def __init__(self, modules: Modules, module: Module, fieldless: frozenset[str]) -> None:
         self.module = module
         self.names = References(modules, module)
         self.out: list[str] = []
         self.tries = 0
-        self.without_fields = without_fields
+        self.fieldless = fieldless
+        self.shared: frozenset[str] = frozenset()
 
     def write(self, node: ast.AST, role: int = HELD) -> None:
         """Write any node; ``role`` says how the value of an expression is used."""

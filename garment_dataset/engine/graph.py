@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from garment_dataset.errors import StageError
@@ -57,7 +58,7 @@ class Node:
     partition: str = ""
     blocked: str | None = None
 
-    @property
+    @cached_property
     def id(self) -> NodeId:
         """Stage and subject."""
         return NodeId(self.stage.name, self.subject)

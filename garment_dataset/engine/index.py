@@ -178,7 +178,7 @@ class Index:
         """Return every known result by key, ``facts`` left empty: reading them all is slow and seldom needed."""
         rows = self._read("SELECT key, stage, subject, partition, outputs, notes FROM result")
         return {
-            key: Result(key, stage, subject, partition, _outputs(outputs), {}, tuple(json.loads(notes)))
+            key: Result(key, stage, subject, partition, _outputs(outputs), {}, _notes(notes))
             for key, stage, subject, partition, outputs, notes in rows
         }
 
@@ -194,7 +194,7 @@ class Index:
     def published_partition(self, stage: str, subject: str) -> str | None:
         """Return the partition of what is published for a stage and subject, if anything is."""
         rows = self._read(
-            "SELECT partition FROM published JOIN result USING (key) WHERE (published.stage, published.subject) = (?, ?)",
+            "SELECT partition FROM result WHERE key = (SELECT key FROM published WHERE stage = ? AND subject = ?)",
             stage,
             subject,
         )
@@ -226,6 +226,10 @@ class Index:
     def forget_sources(self, paths: Iterable[str]) -> None:
         """Forget the digests of these sources."""
         self._open().executemany("DELETE FROM source WHERE path = ?", [(path,) for path in paths])
+
+
+def _notes(text: str) -> tuple[str, ...]:
+    return () if text == "[]" else tuple(json.loads(text))
 
 
 def _outputs(text: str) -> dict[str, StoredOutput]:

@@ -74,8 +74,10 @@ class Store:
 
     def is_published(self, result: Result) -> bool:
         """Say whether users find exactly this result."""
+        # text, not Path: a plan asks this of every file there is
+        place = f"{result.partition}/{result.subject}" if result.partition else result.subject
         return all(
-            _is_as_stored(self.feature_path(table, result.partition, result.subject), output.file)
+            _is_as_stored(f"{self.features_dir}/{table}/{place}.parquet", output.file)
             for table, output in result.outputs.items()
         )
 
@@ -118,9 +120,9 @@ class Store:
                 yield path
 
 
-def _is_as_stored(path: Path, file: StoredFile) -> bool:
+def _is_as_stored(path: Path | str, file: StoredFile) -> bool:
     try:
-        stat = path.stat()
+        stat = os.stat(path)  # noqa: PTH116 - twice as fast as Path.stat
     except FileNotFoundError:
         return False
     return (stat.st_size, stat.st_mtime_ns) == (file.size_bytes, file.mtime_ns)
