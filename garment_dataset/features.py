@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 from garment_dataset.errors import FilterError, StoreError
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     import pandas as pd
@@ -17,7 +18,7 @@ PARTITIONS = ("garment", "holding")
 
 
 def open_features(table: str, *, folder: Path | None = None) -> ds.Dataset:
-    """Return all files of a table as one Arrow dataset, the partition keys as text columns.
+    """Return all files of a table as one Arrow dataset, the partition keys, if it has any, as text columns.
 
     Parameters
     ----------
@@ -44,8 +45,9 @@ def open_features(table: str, *, folder: Path | None = None) -> ds.Dataset:
             expected=f"one of {built}" if built else "some results",
             hint="`garment build` makes them.",
         )
-    partitioning = ds.partitioning(pa.schema([(name, pa.string()) for name in PARTITIONS]), flavor="hive")
-    schema = _full_schema(files[0])
+    keys = [name for name in PARTITIONS if f"/{name}=" in files[0].removeprefix(str(root / table))]
+    schema = _full_schema(files[0], keys)
+    partitioning = ds.partitioning(pa.schema([(name, pa.string()) for name in keys]), flavor="hive")
     return ds.dataset(files, schema=schema, partitioning=partitioning, partition_base_dir=str(root / table))
 
 
@@ -79,11 +81,24 @@ def load_features(table: str, *, folder: Path | None = None, **filters: Any) -> 
         term = ds.field(name).isin(list(values))
         condition = term if condition is None else condition & term
     found = dataset.to_table(filter=condition)
-    frame = found.to_pandas()
+    frame = _to_frame(found)
     frame.attrs["units"] = {field.name: unit for field in found.schema if (unit := _metadata(field, b"unit"))}
     frame.attrs["descriptions"] = {
         field.name: text for field in found.schema if (text := _metadata(field, b"description"))
     }
+    return frame
+
+
+def _to_frame(table: pa.Table) -> pd.DataFrame:
+    """Convert to pandas; whole numbers that may be missing stay whole: a float holds no stamp in ns."""
+    import pandas as pd
+    import pyarrow as pa
+
+    frame = table.to_pandas()
+    integers: dict[pa.DataType, Any] = {pa.int32(): pd.Int32Dtype(), pa.int64(): pd.Int64Dtype()}
+    for field in table.schema:
+        if field.nullable and field.type in integers:
+            frame[field.name] = table[field.name].to_pandas(types_mapper=integers.get).array
     return frame
 
 
@@ -95,12 +110,12 @@ def _features_folder(folder: Path | None) -> Path:
     return Workspace.find().features_dir
 
 
-def _full_schema(file: str) -> pa.Schema:
+def _full_schema(file: str, partitions: Sequence[str]) -> pa.Schema:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     own = pq.read_schema(file)
-    keys = [pa.field(name, pa.string(), metadata={"description": f"{name}, from the path"}) for name in PARTITIONS]
+    keys = [pa.field(name, pa.string(), metadata={"description": f"{name}, from the path"}) for name in partitions]
     return pa.schema([*own, *(key for key in keys if key.name not in own.names)])
 
 

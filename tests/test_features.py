@@ -86,6 +86,15 @@ def test_a_frame_knows_its_units(features: Path) -> None:
     assert set(frame["point"]) == set(range(6))
 
 
+def test_stamps_that_may_be_missing_stay_whole(features: Path) -> None:
+    frame = load_features("kinematics", folder=features)
+    assert frame["velocity_stamp_ns"].dtype == "Int64"
+    assert frame["repeat"].dtype == "Int32"
+    assert frame["stamp_ns"].dtype == "int64"
+    table = open_features("kinematics", folder=features).to_table()
+    assert frame["velocity_stamp_ns"].to_list() == table["velocity_stamp_ns"].to_pylist()
+
+
 def test_filters_choose_rows(features: Path) -> None:
     scarf = load_features("points", folder=features, garment="MyScarf", point=[1, 5])
     assert set(scarf["recording"]) == {"MyScarf_Corner_pi16_0.5_R1"}

@@ -62,7 +62,8 @@ def to_mermaid(pipelines: Sequence[Drawn]) -> str:
         lines += [f"    {made[table].name} -- {table} --> {stage.name}" for table in stage.inputs]
     read = {table for stage in stages.values() for table in stage.inputs}
     for stage in stages.values():
-        lines += [f"    {stage.name} --> table_{out.name}[/{out.name}/]" for out in stage.outputs if out.name not in read]
+        ends = [output.name for output in stage.outputs if output.name not in read]
+        lines += [f"    {stage.name} --> table_{name}[/{name}/]" for name in ends]
     return "\n".join(lines)
 
 

@@ -9,6 +9,7 @@ import typer
 
 from garment_dataset.cli.output import say
 
+
 def init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; must not be a workspace yet.")],
 ) -> None:
