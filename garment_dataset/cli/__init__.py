@@ -39,6 +39,3 @@ def main() -> None:
     except GarmentError as error:
         say(f"garment: {error}")
         sys.exit(error.exit_code)
-    except KeyboardInterrupt:
-        say("garment: interrupted; what was finished is kept")
-        sys.exit(130)

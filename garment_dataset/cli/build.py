@@ -61,8 +61,12 @@ def build(
         from garment_dataset.cli.progress import progress
 
         open_nodes = [decision for decision in plan if force or decision.state != "fresh"]
-        with progress(len(open_nodes)) as tell:
-            report = session.build(plan, jobs=jobs, retry_failed=failed, forced=force, emit=tell)
+        try:
+            with progress(len(open_nodes)) as tell:
+                report = session.build(plan, jobs=jobs, retry_failed=failed, forced=force, emit=tell)
+        except KeyboardInterrupt:
+            say("garment: interrupted; what was finished is kept, `garment build` goes on from there")
+            raise typer.Exit(130) from None
     _summarise(report, session, as_json=as_json)
 
 
@@ -232,6 +236,9 @@ def _summarise(report: Report, session: Session, *, as_json: bool) -> None:
         for event in failures:
             say(f"  {event.node}: {event.message}")
         say("`garment why NAME` shows where; `garment build --failed` tries again")
+    missing = dict.fromkeys(node.blocked for node in session.graph if node.blocked is not None)
+    for message in missing:
+        say(f"blocked: {message}")
     say(", ".join(f"{count} {name}" for name, count in counts.items() if count))
     if report.of(Ending.BUILT) or report.of(Ending.LINKED):
         say(f"results: {session.workspace.features_dir}")
@@ -244,5 +251,5 @@ def _results(count: int) -> str:
 
 
 def _recordings(session: Session) -> str:
-    count = len({node.subject for node in session.graph})
+    count = len({row.recording for row in session.selection.rows} & {node.subject for node in session.graph})
     return "1 recording" if count == 1 else f"{count} recordings"

@@ -34,6 +34,8 @@ FINDING_KEYS: dict[str, Kind] = {"recording": str, "code": str, "severity": str}
 
 _AXES = {"R": "R: along the optical axis", "B": "B: across the optical axis"}
 
+_PICTURES = (".png", ".svg", ".pdf")
+
 
 def list_(
     filters: FiltersArgument = None,
@@ -125,6 +127,8 @@ def _draw(place: Workspace, row: CatalogRow, frame: int | None, save: Path | Non
 
     if frame is None or save is None:
         raise FilterError("a picture needs a frame and a file", expected="--frame N --save FILE.png")
+    if save.suffix not in _PICTURES:
+        raise FilterError("not a kind of picture", where=save, expected=" ".join(_PICTURES), found=repr(save.suffix))
     save_frame(place, row, frame, save)
     say(f"wrote {save}")
 

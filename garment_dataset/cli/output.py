@@ -26,7 +26,7 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and nothin
 FiltersArgument = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="[FILTERS]...", help="Which recordings: key=value[,value] terms and name globs.", show_default=False
+        metavar="FILTERS", help="Which recordings: key=value[,value] terms and name globs.", show_default=False
     ),
 ]
 

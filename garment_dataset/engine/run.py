@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import heapq
+import shutil
+import uuid
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass, field
@@ -117,6 +119,7 @@ class Build:
         self._pool = pool
         self._options = options
         self._emit = emit
+        self._scratch_dir = store.scratch_dir / uuid.uuid4().hex
         self._results = store.index.results()
         self._published = store.index.published()
         self._failures = store.index.failures()
@@ -138,7 +141,7 @@ class Build:
 
     def run(self) -> Report:
         """Build everything that is not fresh, and say what became of every node."""
-        self._store.scratch_dir.mkdir(parents=True, exist_ok=True)
+        self._scratch_dir.mkdir(parents=True)
         heapq.heapify(self._ready)
         try:
             while True:
@@ -148,6 +151,7 @@ class Build:
                 self._collect()
         finally:
             self._pool.close()
+            shutil.rmtree(self._scratch_dir, ignore_errors=True)
 
     def _take_fresh(self) -> None:
         """Count what the plan found fresh as done: it costs nothing more."""
@@ -183,10 +187,12 @@ class Build:
         self._running[self._pool.submit(run_task, task)] = (node, task)
 
     def _obstacle(self, node: Node) -> str | None:
+        if node.blocked is not None:
+            return node.blocked
         for feeder in dict.fromkeys(node.inputs.values()):
             if feeder not in self._done:
                 return f"{feeder} {self.report.events[feeder].ending}"
-        return node.blocked
+        return None
 
     def _task(self, node: Node) -> Task:
         sources = {name: (path, *self._digests[str(path)]) for name, path in node.sources.items()}
@@ -204,7 +210,7 @@ class Build:
             labels=node.labels,
             key=node_key(facts),
             facts=facts,
-            scratch_dir=self._store.scratch_dir,
+            scratch_dir=self._scratch_dir,
         )
 
     def _settled(self, node: Node, task: Task) -> bool:

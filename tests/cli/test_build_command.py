@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
+import signal
+import subprocess
+import sys
 from typing import TYPE_CHECKING
 
 import pyarrow.parquet as pq
@@ -156,6 +159,26 @@ def test_the_graph_is_drawn(workspace: Workspace, garment: Garment, form: str) -
     assert [stage["name"] for stage in depth["stages"]] == ["decode", "depth_points", "kinematics"]
     assert depth["stages"][1]["params"]["point_count"] == 5
     assert "point_count = 5" in garment("dag", "--params", cwd=workspace.root).out
+
+
+def test_an_interrupted_build_keeps_what_it_has_and_leaves_no_rubbish(
+    workspace: Workspace, garment: Garment, make_recording: MakeRecording
+) -> None:
+    for number in range(3, 6):
+        make_recording(workspace.recordings_dir / f"GreenTowel_Ruler_{number:02}_pi16_0.5_R1.bag")
+    command = [sys.executable, "-c", "from garment_dataset.cli import main; main()", "build", "-j", "1"]
+    process = subprocess.Popen(command, cwd=workspace.root, stderr=subprocess.PIPE, text=True)
+    assert process.stderr is not None
+    first = process.stderr.readline()
+    process.send_signal(signal.SIGINT)
+    rest = process.communicate(timeout=60)[1]
+    assert first.startswith("built")
+    assert "interrupted" in rest
+    assert process.returncode == 130
+    assert list((workspace.private_dir / "scratch").iterdir()) == []
+    counts = json.loads(garment("build", "--json", cwd=workspace.root).out)["counts"]
+    assert counts["fresh"] >= 1
+    assert counts["fresh"] + counts["built"] == 18
 
 
 def test_no_workspace_is_one_line(tmp_path: Path, garment: Garment) -> None:
