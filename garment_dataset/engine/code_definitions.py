@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import sys
 from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.code_modules import ModuleRef, Symbol
@@ -113,6 +114,15 @@ def _word(node: ast.AST) -> str | None:
             return text.rpartition(".")[2].partition("[")[0]  # a quoted annotation
         case _:
             return None
+
+
+def _type_alias(writer: Writer, node: Any, _role: int) -> None:  # noqa: ANN401 - ast.TypeAlias, from Python 3.12 on
+    writer.out.append("(TypeAlias")
+    writer.field("name", node.name)
+    with writer.inside(TYPES, type_parameter_bindings(node)):
+        writer.field("types", node.type_params)
+        writer.annotation("value", node.value)
+    writer.out.append(")")
 
 
 def _comprehension(writer: Writer, node: Comprehension, _role: int) -> None:
@@ -230,3 +240,6 @@ DEFINITIONS: dict[type[ast.AST], Callable[[Writer, Any, int], None]] = {
     ast.MatchMapping: _mapping_pattern,
 }
 """How each kind of node is written."""
+
+if sys.version_info >= (3, 12):
+    DEFINITIONS[ast.TypeAlias] = _type_alias

@@ -195,13 +195,15 @@ class Reach:
             uses = facts.uses.get(symbol, 0)
             makes = _made_by(module, statement)
             now, later = uses & NOW, uses >> LATER
+            # a function has no methods of its own: what is called is its decorator's, as in `f.register(g)`
+            changes = METHOD | CHANGED if kind == CODE and self._index.values.is_function(symbol) else _CHANGES[kind]
             if self._acts(kind, now, facts, symbol):
                 self._reach_all(makes, symbol)
             elif not is_fixed and now & (HELD | LENT):
                 self._watched.update(dict.fromkeys(makes))
-            if later & _CHANGES[kind]:
+            if later & changes:
                 self._reach_all(makes, symbol)
-            if later & (_CHANGES[kind] | _MAY_CHANGE[kind]):
+            if later & (changes | _MAY_CHANGE[kind]):
                 self._changers.update(dict.fromkeys(makes))
 
     def _acts(self, kind: str, now: int, facts: Facts, symbol: Symbol) -> bool:

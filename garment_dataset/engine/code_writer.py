@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     from garment_dataset.engine.code_statements import Statement
 
 _NOT_CODE = frozenset({"ctx", "type_comment", "kind", "type_params"})
-_LOOKING = (ast.Compare, ast.BinOp, ast.UnaryOp, ast.Slice)
-_HANDING_ON = (ast.Assign, ast.Return, ast.Yield, ast.YieldFrom, ast.NamedExpr)
-_TRANSPARENT = (ast.BoolOp, ast.IfExp, ast.Starred, ast.Await, ast.keyword)
+_LOOKING = frozenset({ast.Compare, ast.BinOp, ast.UnaryOp, ast.Slice})
+_HANDING_ON = frozenset({ast.Assign, ast.Return, ast.Yield, ast.YieldFrom, ast.NamedExpr})
+_TRANSPARENT = frozenset({ast.BoolOp, ast.IfExp, ast.Starred, ast.Await, ast.keyword})
 _HANDLERS = {**DEFINITIONS, **EXPRESSIONS}
 
 
@@ -88,14 +88,15 @@ class Writer:
 
     def write(self, node: ast.AST, role: int = HELD) -> None:
         """Write any node; ``role`` says how the value of an expression is used."""
-        if (handler := _HANDLERS.get(type(node))) is not None:
+        kind = type(node)
+        if (handler := _HANDLERS.get(kind)) is not None:
             handler(self, node, role)
-        elif isinstance(node, _LOOKING):
+        elif kind in _LOOKING:
             self.generic(node, READ)
-        elif isinstance(node, _HANDING_ON):
+        elif kind in _HANDING_ON:
             self.generic(node, GIVEN if self.names.is_later else HELD)
         else:
-            self.generic(node, role if isinstance(node, _TRANSPARENT) else HELD)
+            self.generic(node, role if kind in _TRANSPARENT else HELD)
 
     def generic(self, node: ast.AST, role: int) -> None:
         """Write a node's type and every field that is not empty."""
@@ -160,6 +161,8 @@ class Writer:
 
 
 def _does_nothing(node: object) -> bool:
+    if not isinstance(node, ast.stmt):
+        return False
     match node:
         case ast.Pass() | ast.Global() | ast.Nonlocal() | ast.Expr(value=ast.Constant()):
             return True
