@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.engine.code_libraries import library_versions
+from garment_dataset.engine.codebase.libraries import library_versions
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-    from garment_dataset.engine.fingerprint import CodeBase, Fingerprint
+    from garment_dataset.engine.codebase.fingerprint import CodeBase, Fingerprint
     from garment_dataset.engine.stage import Stage
 
 _DECIDES_NOTHING = frozenset({"pydantic"})
@@ -45,7 +45,7 @@ class Code:
 
     def changes_since(self, old_digest: str) -> list[tuple[str, str]]:
         """Return which functions, classes and constants differ from an earlier digest, and how."""
-        from garment_dataset.engine.fingerprint import changed_parts
+        from garment_dataset.engine.codebase.fingerprint import changed_parts
 
         try:
             old = json.loads((self.archive_dir / f"{old_digest}.json").read_text("utf-8"))
@@ -110,7 +110,7 @@ class CodeCache:
         name = _name(stage)
         entry: dict[str, Any] | None = self._remembered.get(name)
         if entry is None or any(file_state(Path(path)) != (size, mtime) for path, size, mtime in entry["files"]):
-            from garment_dataset.engine.fingerprint import CodeBase
+            from garment_dataset.engine.codebase.fingerprint import CodeBase
 
             if self._code_base is None:
                 self._code_base = CodeBase(self._roots)
@@ -146,7 +146,7 @@ def file_state(path: Path) -> tuple[int, int] | None:
 
 def _to_json(found: Fingerprint) -> dict[str, Any]:
     # what was found also rests on the code that found it
-    files = (*found.files, *sorted(Path(__file__).parent.glob("*.py")))
+    files = (*found.files, *sorted((Path(__file__).parent / "codebase").glob("*.py")))
     states = [(str(path), file_state(path)) for path in files]
     return {
         "digest": found.digest,

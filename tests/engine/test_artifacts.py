@@ -29,16 +29,15 @@ ROWS = st.lists(
     ),
     max_size=8,
 )
-SCHEMA = pa.schema(
-    [
-        ("number", pa.int64()),
-        ("length_m", pa.float64()),
-        ("text", pa.string()),
-        ("flag", pa.bool_()),
-        ("parts", pa.list_(pa.int32())),
-        ("blob", pa.binary()),
-    ]
-)
+TYPES: dict[str, pa.DataType] = {
+    "number": pa.int64(),
+    "length_m": pa.float64(),
+    "text": pa.string(),
+    "flag": pa.bool_(),
+    "parts": pa.list_(pa.int32()),
+    "blob": pa.binary(),
+}
+SCHEMA = pa.schema(TYPES)
 
 
 def table_of(rows: list[dict[str, object]]) -> pa.Table:

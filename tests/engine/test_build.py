@@ -22,8 +22,8 @@ ALL_FRESH = {"numbers fresh": ["a", "b"], "squares fresh": ["a", "b"], "total fr
 
 def total(toy: Toy, subject: str) -> float:
     table = pq.ParquetFile(toy.features_dir / "total" / "kind=toy" / f"{subject}.parquet").read()
-    value: float = table["value"].to_pylist()[0]
-    return value
+    (value,) = table["value"].to_pylist()
+    return float(value or 0)
 
 
 def reasons(toy: Toy, stage: str, subject: str) -> list[str]:

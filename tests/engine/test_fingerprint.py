@@ -16,7 +16,13 @@ from typing import TYPE_CHECKING
 import pytest
 
 import garment_dataset
-from garment_dataset.engine.fingerprint import CodeBase, Fingerprint, changed_parts, fingerprint, library_versions
+from garment_dataset.engine.codebase.fingerprint import (
+    CodeBase,
+    Fingerprint,
+    changed_parts,
+    fingerprint,
+    library_versions,
+)
 from garment_dataset.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
@@ -310,7 +316,7 @@ def test_any_constant_in_reach_counts(tmp_path: Path) -> None:
 RUN = """
 import json, sys
 from pathlib import Path
-from garment_dataset.engine.fingerprint import CodeBase
+from garment_dataset.engine.codebase.fingerprint import CodeBase
 root = Path(sys.argv[1])
 code_base = CodeBase({root.name: root})
 found = [code_base.fingerprint(entry) for entry in sys.argv[2:]]
@@ -326,16 +332,13 @@ def run_apart(folder: Path, python: str, root: Path, entries: list[str], seed: i
         shutil.copy(PACKAGE / "errors.py", engine.parent)
         for path in (engine.parent / "__init__.py", engine / "__init__.py"):
             path.write_text("")
-        for path in [*(PACKAGE / "engine").glob("code_*.py"), *map((PACKAGE / "engine").joinpath, ENGINE)]:
-            shutil.copy(path, engine)
+        shutil.copy(PACKAGE / "engine" / "canonical.py", engine)
+        shutil.copytree(PACKAGE / "engine" / "codebase", engine / "codebase")
     environment = {"PYTHONPATH": str(folder), "PYTHONHASHSEED": str(seed), "PATH": "/usr/bin:/bin"}
     command = [python, "-c", RUN, str(root), *entries]
     result = subprocess.run(command, capture_output=True, text=True, env=environment, check=True)
     digests, modules = json.loads(result.stdout)
     return digests, modules
-
-
-ENGINE = ("fingerprint.py", "canonical.py")
 
 
 def test_nothing_is_imported_and_hash_seeds_do_not_count(tmp_path: Path) -> None:
@@ -411,7 +414,7 @@ def test_code_of_no_distribution_is_refused(tmp_path: Path, monkeypatch: pytest.
 
 def test_asking_for_versions_imports_nothing() -> None:
     code = (
-        "import sys; from garment_dataset.engine.code_libraries import library_versions;"
+        "import sys; from garment_dataset.engine.codebase.libraries import library_versions;"
         "library_versions(['numpy', 'cv2', 'pandas', '_pytest']); print(*sys.modules)"
     )
     found = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent)

@@ -12,20 +12,20 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from garment_dataset.engine.code_modules import Symbol, with_parents
-from garment_dataset.engine.code_references import CALLED, CHANGED, GIVEN, HELD, LATER, LENT, METHOD, NOW
-from garment_dataset.engine.code_rules import located, reached_through
-from garment_dataset.engine.code_values import CODE, CONTAINER, FROZEN, INSTANCE, UNKNOWN
+from garment_dataset.engine.codebase.modules import Symbol, with_parents
+from garment_dataset.engine.codebase.references import CALLED, CHANGED, GIVEN, HELD, LATER, LENT, METHOD, NOW
+from garment_dataset.engine.codebase.rules import located, reached_through
+from garment_dataset.engine.codebase.values import CODE, CONTAINER, FROZEN, INSTANCE, UNKNOWN
 from garment_dataset.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable
 
-    from garment_dataset.engine.code_index import Index
-    from garment_dataset.engine.code_modules import Module
-    from garment_dataset.engine.code_references import Facts
-    from garment_dataset.engine.code_scopes import ImportTarget
-    from garment_dataset.engine.code_statements import Statement
+    from garment_dataset.engine.codebase.index import Index
+    from garment_dataset.engine.codebase.modules import Module
+    from garment_dataset.engine.codebase.references import Facts
+    from garment_dataset.engine.codebase.scopes import ImportTarget
+    from garment_dataset.engine.codebase.statements import Statement
 
 EFFECTS = "<import>"
 """Stands for a module's effects where the name of a symbol would stand."""

@@ -5,17 +5,17 @@ from __future__ import annotations
 import ast
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.engine.code_modules import External, ModuleRef, Symbol
-from garment_dataset.engine.code_references import CALLED, CHANGED, GIVEN, HELD, METHOD, READ
-from garment_dataset.engine.code_rules import MODULE_FUNCTIONS, REFUSED_ATTRIBUTES, module_as_value
-from garment_dataset.engine.code_statements import CHANGING_METHODS
+from garment_dataset.engine.codebase.modules import External, ModuleRef, Symbol
+from garment_dataset.engine.codebase.references import CALLED, CHANGED, GIVEN, HELD, METHOD, READ
+from garment_dataset.engine.codebase.rules import MODULE_FUNCTIONS, REFUSED_ATTRIBUTES, module_as_value
+from garment_dataset.engine.codebase.statements import CHANGING_METHODS
 from garment_dataset.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from garment_dataset.engine.code_modules import Target
-    from garment_dataset.engine.code_writer import Writer
+    from garment_dataset.engine.codebase.modules import Target
+    from garment_dataset.engine.codebase.writer import Writer
 
 
 def constant(value: object) -> str:

@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from garment_dataset.engine.code_scopes import IMPORT, Bindings, bindings_of
+from garment_dataset.engine.codebase.scopes import IMPORT, Bindings, bindings_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
-    from garment_dataset.engine.code_scopes import Home
+    from garment_dataset.engine.codebase.scopes import Home
 
 _CHANGING = """
 add append appendleft clear difference_update discard extend extendleft insert intersection_update pop popitem popleft

@@ -11,11 +11,11 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from garment_dataset.engine.canonical import digest
-from garment_dataset.engine.code_index import Index
-from garment_dataset.engine.code_libraries import library_versions
-from garment_dataset.engine.code_modules import Modules, Symbol, with_parents
-from garment_dataset.engine.code_reach import EFFECTS, Reach
-from garment_dataset.engine.code_references import NOW
+from garment_dataset.engine.codebase.index import Index
+from garment_dataset.engine.codebase.libraries import library_versions
+from garment_dataset.engine.codebase.modules import Modules, Symbol, with_parents
+from garment_dataset.engine.codebase.reach import EFFECTS, Reach
+from garment_dataset.engine.codebase.references import NOW
 from garment_dataset.errors import UntraceableCodeError
 
 if TYPE_CHECKING:

@@ -5,12 +5,12 @@ from __future__ import annotations
 import ast
 from typing import TYPE_CHECKING
 
-from garment_dataset.engine.code_modules import External, Symbol
+from garment_dataset.engine.codebase.modules import External, Symbol
 from garment_dataset.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
-    from garment_dataset.engine.code_modules import Module, Modules, Target
-    from garment_dataset.engine.code_statements import Statement
+    from garment_dataset.engine.codebase.modules import Module, Modules, Target
+    from garment_dataset.engine.codebase.statements import Statement
 
 CODE, FROZEN, CONTAINER, INSTANCE, UNKNOWN = "code", "frozen", "container", "instance", "unknown"
 """A function or class; what never changes; a builtin container; an object of first-party code; anything else."""

@@ -13,9 +13,9 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
-from garment_dataset.engine.code_rules import MODULE_VARIABLES
-from garment_dataset.engine.code_scopes import DEFINITION, Bindings, Home, ImportTarget, global_writes
-from garment_dataset.engine.code_statements import Statement, statements_of
+from garment_dataset.engine.codebase.rules import MODULE_VARIABLES
+from garment_dataset.engine.codebase.scopes import DEFINITION, Bindings, Home, ImportTarget, global_writes
+from garment_dataset.engine.codebase.statements import Statement, statements_of
 from garment_dataset.errors import UntraceableCodeError
 
 if TYPE_CHECKING:

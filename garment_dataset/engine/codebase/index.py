@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from garment_dataset.engine.code_modules import ModuleRef, Symbol
-from garment_dataset.engine.code_values import Values
-from garment_dataset.engine.code_writer import facts_of
+from garment_dataset.engine.codebase.modules import ModuleRef, Symbol
+from garment_dataset.engine.codebase.values import Values
+from garment_dataset.engine.codebase.writer import facts_of
 from garment_dataset.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
-    from garment_dataset.engine.code_modules import Module, Modules, Target
-    from garment_dataset.engine.code_references import Facts
-    from garment_dataset.engine.code_statements import Statement
+    from garment_dataset.engine.codebase.modules import Module, Modules, Target
+    from garment_dataset.engine.codebase.references import Facts
+    from garment_dataset.engine.codebase.statements import Statement
 
 _SETTERS = frozenset({"setattr", "delattr", "__setattr__", "__delattr__"})
 

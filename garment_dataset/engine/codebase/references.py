@@ -7,15 +7,15 @@ import sys
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
-from garment_dataset.engine.code_modules import External, ModuleRef, Symbol
-from garment_dataset.engine.code_rules import located, module_as_value, refusal_of
-from garment_dataset.engine.code_scopes import CLASS, DEFINITION, MODULE, PARAMETER, Bindings, Scope
-from garment_dataset.engine.code_statements import root_name
+from garment_dataset.engine.codebase.modules import External, ModuleRef, Symbol
+from garment_dataset.engine.codebase.rules import located, module_as_value, refusal_of
+from garment_dataset.engine.codebase.scopes import CLASS, DEFINITION, MODULE, PARAMETER, Bindings, Scope
+from garment_dataset.engine.codebase.statements import root_name
 from garment_dataset.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
-    from garment_dataset.engine.code_modules import Module, Modules, Target
-    from garment_dataset.engine.code_scopes import ImportTarget
+    from garment_dataset.engine.codebase.modules import Module, Modules, Target
+    from garment_dataset.engine.codebase.scopes import ImportTarget
 
 READ, HELD, GIVEN, CHANGED, METHOD, CALLED, LENT = (1 << bit for bit in range(7))
 """How a value is used: only looked at, stored elsewhere, given to first-party code, changed, a method of it called,

@@ -13,18 +13,18 @@ import hashlib
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from garment_dataset.engine.code_definitions import DEFINITIONS
-from garment_dataset.engine.code_expressions import EXPRESSIONS, constant
-from garment_dataset.engine.code_references import GIVEN, HELD, READ, References
-from garment_dataset.engine.code_scopes import Bindings, Scope
+from garment_dataset.engine.codebase.definitions import DEFINITIONS
+from garment_dataset.engine.codebase.expressions import EXPRESSIONS, constant
+from garment_dataset.engine.codebase.references import GIVEN, HELD, READ, References
+from garment_dataset.engine.codebase.scopes import Bindings, Scope
 from garment_dataset.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
-    from garment_dataset.engine.code_modules import Module, Modules, Target
-    from garment_dataset.engine.code_references import Facts
-    from garment_dataset.engine.code_statements import Statement
+    from garment_dataset.engine.codebase.modules import Module, Modules, Target
+    from garment_dataset.engine.codebase.references import Facts
+    from garment_dataset.engine.codebase.statements import Statement
 
 _NOT_CODE = frozenset({"ctx", "type_comment", "kind", "type_params"})
 _LOOKING = frozenset({ast.Compare, ast.BinOp, ast.UnaryOp, ast.Slice})

@@ -6,9 +6,9 @@ import ast
 import sys
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.engine.code_modules import ModuleRef, Symbol
-from garment_dataset.engine.code_references import CALLED, GIVEN, HELD, READ
-from garment_dataset.engine.code_scopes import (
+from garment_dataset.engine.codebase.modules import ModuleRef, Symbol
+from garment_dataset.engine.codebase.references import CALLED, GIVEN, HELD, READ
+from garment_dataset.engine.codebase.scopes import (
     CLASS,
     FUNCTION,
     MODULE,
@@ -23,8 +23,8 @@ from garment_dataset.errors import UntraceableCodeError
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from garment_dataset.engine.code_scopes import Comprehension
-    from garment_dataset.engine.code_writer import Writer
+    from garment_dataset.engine.codebase.scopes import Comprehension
+    from garment_dataset.engine.codebase.writer import Writer
 
 _UNSTORED = frozenset({"ClassVar", "Final", "InitVar", "PrivateAttr", "exclude", "exclude_if"})
 
