@@ -17,7 +17,7 @@ FLOORS = [
     {"names", "vision", "tables", "engine", "filters", "workspace_files"},
     {"catalog", "catalog_rows", "catalog_tables", "bag_folder", "bags", "lint"},
     {"stages"},
-    {"pipelines", "building", "workspace", "features", "view", "simulate"},
+    {"pipelines", "building", "workspace", "features", "view", "simulate", "score"},
     {"cli"},
 ]
 HEAVY = {"numpy", "pandas", "pyarrow", "cv2", "rosbags", "duckdb", "matplotlib", "mujoco", "blake3", "rich.console"}

@@ -7,7 +7,7 @@ import warnings
 
 import typer
 
-from garment_dataset.cli import build, catalog, workspace
+from garment_dataset.cli import build, catalog, mask, workspace
 from garment_dataset.cli.output import say, show_warning
 from garment_dataset.errors import GarmentError
 from garment_dataset.simulate.command import simulate
@@ -28,6 +28,7 @@ app.command("build")(build.build)
 app.command("status")(build.status)
 app.command("why")(build.why)
 app.command("dag")(build.dag)
+app.command("mask")(mask.mask)
 app.command("simulate")(simulate)
 
 

@@ -1,0 +1,180 @@
+"""``garment simulate``: recordings with truth, chosen by name or by set."""
+
+from __future__ import annotations
+
+import os
+import time
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Literal
+
+import typer
+
+from garment_dataset.catalog import Catalog
+from garment_dataset.errors import GarmentError
+from garment_dataset.names import BackgroundName, parse_bag_name
+from garment_dataset.workspace import Workspace
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator, Sequence
+
+DEMO = (
+    "GreenTowel_Ruler_01_pi16_0.5_R1",
+    "GreenTowel_Ruler_02_pi16_0.5_R1",
+    "GreenTowel_Corner_01_pi16_0.5_R1",
+    "GreenTowel_Corner_01_pi16_0.5_B1",
+    "camera_default_0",
+)
+"""Both axes, two holdings, a repeat and the empty scene."""
+
+_DEPTH_BYTES, _COLOR_BYTES = 640 * 480 * 2, 640 * 480 * 3
+_FRAMES_PER_S = 29.8
+_PAIR_S = 0.11
+_PHYSICS_S = {"full": 16.0, "small": 7.0}
+_DURATION_S = {"full": 8.0, "small": 3.5}
+_BACKGROUND_S = 3.0
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """One recording to be simulated, as plain data that crosses to a worker.
+
+    Parameters
+    ----------
+    name : str
+        Of the recording or of the empty scene.
+    folder : Path
+        Where it goes.
+    seed : int
+        See :func:`~garment_dataset.simulate.recording.simulate_recording`, as for all that follows.
+    noise, scale, compression : str
+        Options.
+    frames : int, optional
+        Most frames per stream.
+    """
+
+    name: str
+    folder: Path
+    seed: int
+    noise: Literal["none", "xtion"]
+    scale: Literal["full", "small"]
+    compression: Literal["none", "lz4", "bz2"]
+    frames: int | None
+
+    def pairs(self) -> int:
+        """Return about how many pairs of images it has."""
+        background = isinstance(parse_bag_name(self.name), BackgroundName)
+        duration_s = _BACKGROUND_S if background else _DURATION_S[self.scale]
+        count = int(duration_s * _FRAMES_PER_S)
+        return count if self.frames is None else min(count, self.frames)
+
+    def cost(self) -> tuple[int, float]:
+        """Return about how many bytes and seconds of one processor it takes, before compression."""
+        pairs = self.pairs()
+        physics_s = 0.0 if self.name.startswith("camera_default") else _PHYSICS_S[self.scale]
+        return pairs * (_DEPTH_BYTES + _COLOR_BYTES) + 2_000_000, physics_s + pairs * _PAIR_S
+
+    def run(self) -> Path:
+        """Simulate it."""
+        from garment_dataset.simulate.recording import simulate_recording
+
+        return simulate_recording(
+            self.name,
+            self.folder,
+            seed=self.seed,
+            noise=self.noise,
+            frames=self.frames,
+            scale=self.scale,
+            compression=self.compression,
+        )
+
+
+def names_of(names: Sequence[str], set_name: str | None) -> list[str]:
+    """Return the canonical names of what to simulate, each once.
+
+    Parameters
+    ----------
+    names : sequence of str
+        Chosen names.
+    set_name : {"thesis", "demo"}, optional
+        thesis: every recording of the catalog and the empty scenes that belong to them. demo: :data:`DEMO`.
+
+    Raises
+    ------
+    GarmentError
+        If nothing was chosen.
+    RecordingNameError
+        If a name is none.
+    """
+    chosen = list(names)
+    if set_name == "demo":
+        chosen += DEMO
+    if set_name == "thesis":
+        rows = Catalog.load().rows
+        scenes = {parse_bag_name(row.recording).topics_file - 1 for row in rows}
+        chosen += [row.recording for row in rows] + [f"camera_default_{position}" for position in sorted(scenes)]
+    if not chosen:
+        raise GarmentError("nothing to simulate", expected="names, or --set thesis or --set demo")
+    return list(dict.fromkeys(str(parse_bag_name(name)) for name in chosen))
+
+
+def simulate(
+    names: Annotated[list[str] | None, typer.Argument(help="Names of recordings or of empty scenes.")] = None,
+    set_name: Annotated[
+        Literal["thesis", "demo"] | None, typer.Option("--set", help="All names of the thesis, or a few for a demo.")
+    ] = None,
+    out: Annotated[
+        Path | None, typer.Option(help="Folder for the bags and their truth; by default the workspace's recordings.")
+    ] = None,
+    seed: Annotated[int, typer.Option(min=0, help="Equal seeds give equal bytes.")] = 0,
+    noise: Annotated[Literal["none", "xtion"], typer.Option(help="Exact images, or such a sensor's.")] = "xtion",
+    scale: Annotated[Literal["full", "small"], typer.Option(help="small: coarser cloth, shorter recordings.")] = "full",
+    frames: Annotated[int | None, typer.Option(min=1, help="Most frames per stream.")] = None,
+    compression: Annotated[Literal["none", "lz4", "bz2"], typer.Option(help="Of the bags' chunks.")] = "none",
+    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; by default one per processor.")] = None,
+) -> None:
+    """Write simulated recordings, with the truth beside them."""
+    from garment_dataset.simulate.physics import import_mujoco
+
+    folder = Workspace.find().recordings_dir if out is None else out
+    orders = [Order(name, folder, seed, noise, scale, compression, frames) for name in names_of(names or [], set_name)]
+    if any(not order.name.startswith("camera_default") for order in orders):
+        import_mujoco()
+    workers = min(jobs or os.cpu_count() or 1, len(orders))
+    typer.echo(forecast(orders, workers), err=True)
+    began = time.monotonic()
+    for done, path in enumerate(run_orders(orders, workers), start=1):
+        elapsed_s = time.monotonic() - began
+        typer.echo(f"[{done}/{len(orders)}] {path} ({path.stat().st_size / 1e6:.0f} MB, {elapsed_s:.0f} s)", err=True)
+
+
+def forecast(orders: Sequence[Order], workers: int) -> str:
+    """Return a sentence that says what the orders will take."""
+    size, seconds = (sum(parts) for parts in zip(*(order.cost() for order in orders), strict=True))
+    minutes = seconds / workers / 60
+    compressed = "" if orders[0].compression == "none" else " before compression"
+    return (
+        f"{len(orders)} recordings into {orders[0].folder}: about {size / 1e9:.1f} GB{compressed}, "
+        f"about {max(minutes, 0.1):.1f} minutes with {workers} process{'es' if workers > 1 else ''}"
+    )
+
+
+def run_orders(orders: Sequence[Order], workers: int) -> Iterator[Path]:
+    """Simulate all, yielding each bag as it is done."""
+    if workers == 1:
+        yield from (order.run() for order in orders)
+        return
+    from multiprocessing import get_context
+
+    with ProcessPoolExecutor(workers, mp_context=get_context("spawn"), initializer=_single_threaded) as pool:
+        for future in as_completed([pool.submit(order.run) for order in orders]):
+            yield future.result()
+
+
+def _single_threaded() -> None:
+    """Keep the libraries to one thread per process: the processes share the processors among themselves."""
+    os.environ["OPENBLAS_NUM_THREADS"] = "1"  # read when numpy is first imported, which is below
+    import cv2
+
+    cv2.setNumThreads(1)
