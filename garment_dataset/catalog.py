@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from garment_dataset.bag_folder import FolderScan, scan
 from garment_dataset.catalog_rows import ROW_KEYS, ROW_UNITS, CatalogRow, join_rows, to_frame
-from garment_dataset.catalog_tables import Garment, Holding, Recording, Tables, read_tables
+from garment_dataset.catalog_tables import Background, Garment, Holding, Recording, Tables, read_tables
 from garment_dataset.errors import CatalogError
 from garment_dataset.filters import compile_filter, terms_of
 from garment_dataset.names import BackgroundName, RecordingName, parse_bag_name
@@ -24,10 +24,53 @@ if TYPE_CHECKING:
 
     from garment_dataset.filters import Kind
 
-__all__ = ["ROW_KEYS", "ROW_UNITS", "Catalog", "CatalogRow", "Garment", "Holding", "Recording", "Tables"]
+__all__ = [
+    "ROW_KEYS",
+    "ROW_UNITS",
+    "Background",
+    "BackgroundSource",
+    "Catalog",
+    "CatalogRow",
+    "Garment",
+    "Holding",
+    "Recording",
+    "Tables",
+]
 
 UNSPECIFIED = "unspecified"
 """Holding in the path of a result whose recording does not say: a null partition cannot be read by pandas."""
+
+
+@dataclass(frozen=True, slots=True)
+class BackgroundSource:
+    """What shows the empty scene to the recordings of one camera position.
+
+    Parameters
+    ----------
+    topics_file : int
+        Number X in the names of these recordings.
+    source : str
+        Name of the bag: of an empty scene, or of a recording.
+    from_s, to_s : float or None
+        Interval of the bag, from the first to before the second, after its first colour image; None: without bound.
+    path : Path or None
+        The bag; None when the folder does not hold it, or was not looked at.
+    missing : str
+        What to provide when it is not there.
+    """
+
+    topics_file: int
+    source: str
+    from_s: float | None
+    to_s: float | None
+    path: Path | None
+    missing: str
+
+    def __str__(self) -> str:
+        if self.from_s is None and self.to_s is None:
+            return self.source
+        end = "its end" if self.to_s is None else f"{self.to_s:g} s"
+        return f"{self.source}, {self.from_s or 0:g} s to {end}"
 
 
 @dataclass(frozen=True)
@@ -39,7 +82,7 @@ class Catalog:
     folder : Path
         Where the tables are.
     tables : Tables
-        Garments, holdings and recordings; and what is wrong with them, if loaded with ``strict=False``.
+        Garments, holdings, recordings and backgrounds; and what is wrong with them, if loaded with ``strict=False``.
     found : FolderScan, optional
         What the folder of recordings holds.
 
@@ -63,8 +106,8 @@ class Catalog:
         Parameters
         ----------
         folder : Path, optional
-            Folder with garments.csv, holdings.csv and recordings.csv. By default that of the workspace at or above the
-            current folder, else the thesis' own, which the package carries.
+            Folder with garments.csv, holdings.csv, recordings.csv and perhaps backgrounds.csv. By default that of the
+            workspace at or above the current folder, else the thesis' own, which the package carries.
         strict : bool
             Whether a table that cannot be read or contradicts itself is an error; otherwise it is kept in
             ``tables.problems``.
@@ -93,10 +136,34 @@ class Catalog:
         return join_rows(self.tables, bags)
 
     @cached_property
-    def backgrounds(self) -> Mapping[int, Path]:
-        """The bags of the empty scene, by the topics file of the recordings whose background they are."""
+    def backgrounds(self) -> Mapping[int, BackgroundSource]:
+        """What shows the empty scene, by topics file: those of all recordings, of backgrounds.csv and of the folder."""
+        numbers = {row.topics_file for row in self.rows} | {row.topics_file for row in self.tables.backgrounds}
         bags = () if self.found is None else self.found.bags
-        return {bag.name.topics_file: bag.path for bag in bags if isinstance(bag.name, BackgroundName)}
+        numbers |= {bag.name.topics_file for bag in bags if isinstance(bag.name, BackgroundName)}
+        return {number: self.background(number) for number in sorted(numbers)}
+
+    def background(self, topics_file: int) -> BackgroundSource:
+        """Return what shows the empty scene to the recordings of a topics file.
+
+        A row of backgrounds.csv says it; without one it is the bag ``camera_default_<topics_file - 1>``.
+        """
+        row = next((row for row in self.tables.backgrounds if row.topics_file == topics_file), None)
+        default = f"camera_default_{topics_file - 1}"
+        source = default if row is None else row.source
+        bag = f"{'recordings' if self.found is None else self.found.folder.name}/{source}.bag"
+        table = f"{self.folder.name}/backgrounds.csv"
+        missing = (
+            f"{bag}, or a row for topics file {topics_file} in {table}"
+            if source == default
+            else f"{bag}, which {table} names for topics file {topics_file}"
+        )
+        from_s, to_s = (None, None) if row is None else (row.from_s, row.to_s)
+        return BackgroundSource(topics_file, source, from_s, to_s, self._paths.get(source), missing)
+
+    @cached_property
+    def _paths(self) -> Mapping[str, Path]:
+        return {} if self.found is None else {str(bag.name): bag.path for bag in self.found.bags}
 
     @cached_property
     def _by_name(self) -> Mapping[str, CatalogRow]:

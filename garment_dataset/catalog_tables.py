@@ -1,6 +1,7 @@
 """The tables of a catalog, as CSV files.
 
 Garments are thesis table 4.1, holdings figure C.1, recordings tables B.2 and B.3. A user adds rows of their own.
+Backgrounds say what shows the empty scene; that table may be missing.
 """
 
 from __future__ import annotations
@@ -10,7 +11,16 @@ import io
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, PositiveFloat, PositiveInt, ValidationError
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    ConfigDict,
+    Field,
+    NonNegativeFloat,
+    PositiveFloat,
+    PositiveInt,
+    ValidationError,
+)
 
 from garment_dataset.errors import CatalogError, RecordingNameError
 from garment_dataset.names import RecordingName, parse_bag_name
@@ -34,6 +44,13 @@ def _canonical(text: str) -> str:
     if not isinstance(name, RecordingName):
         raise ValueError("An empty scene is found by its name and needs no row.")  # noqa: TRY004 - pydantic's protocol
     return str(name)
+
+
+def _canonical_bag(text: str) -> str:
+    try:
+        return str(parse_bag_name(text))
+    except RecordingNameError as error:
+        raise ValueError(error.hint) from error
 
 
 Letter = Annotated[str, Field(pattern=r"^[A-Za-z0-9]+$", description="a letter, or letters and digits")]
@@ -73,6 +90,18 @@ class Recording(Row):
     dvd: Annotated[bool | None, Field(description="yes, no or nothing")] = None
 
 
+class Background(Row):
+    """What shows the empty scene to the recordings of one topics file, that is, of one camera position.
+
+    The interval is from ``from_s`` to before ``to_s``, both after the first colour image; without, it is the whole bag.
+    """
+
+    topics_file: Annotated[PositiveInt, Field(description="the number of a topics file: X in the names")]
+    source: Annotated[str, AfterValidator(_canonical_bag), Field(description="the name of a bag")]
+    from_s: Annotated[NonNegativeFloat | None, Field(description="seconds after its first image or nothing")] = None
+    to_s: Annotated[PositiveFloat | None, Field(description="seconds after its first image or nothing")] = None
+
+
 @dataclass(frozen=True, slots=True)
 class TableProblem:
     """One thing wrong with one table.
@@ -109,12 +138,13 @@ class TableProblem:
 
 @dataclass(frozen=True)
 class Tables:
-    """What the three files hold, each row with its line, and what is wrong with them."""
+    """What the files hold, and what is wrong with them."""
 
     garments: tuple[Garment, ...]
     holdings: tuple[Holding, ...]
     recordings: tuple[Recording, ...]
     problems: tuple[TableProblem, ...]
+    backgrounds: tuple[Background, ...] = ()
 
     @property
     def unread(self) -> frozenset[str]:
@@ -138,7 +168,7 @@ class Tables:
 
 
 def read_tables(folder: Path) -> Tables:
-    """Read the three tables; whatever is wrong becomes a problem, and as much as can be read is kept.
+    """Read the tables; whatever is wrong becomes a problem, and as much as can be read is kept.
 
     A cell that cannot be read is kept as missing; of two rows for the same thing the first is kept.
     """
@@ -161,8 +191,28 @@ def read_tables(folder: Path) -> Tables:
         tuple(row for _, row in garments),
         tuple(row for _, row in holdings),
         tuple(row for _, row in recordings),
-        tuple(problems),
+        backgrounds=_read_backgrounds(folder / "backgrounds.csv", problems),
+        problems=tuple(problems),
     )
+
+
+def _read_backgrounds(path: Path, problems: list[TableProblem]) -> tuple[Background, ...]:
+    """Read the rows that make sense; one that does not is no background at all, rather than another one."""
+    if not path.exists():
+        return ()
+    sound: list[Background] = []
+    for line, row in _read(path, Background, ("topics_file",), problems):
+        begin_s = row.from_s or 0.0
+        whole = row.from_s is None and row.to_s is None
+        if row.to_s is not None and row.to_s <= begin_s:
+            what, expected, found = "an interval that holds nothing", f"more than {begin_s:g}", f"{row.to_s:g}"
+        elif whole and isinstance(parse_bag_name(row.source), RecordingName):
+            what, expected, found = "a recording without an interval", "when its scene is empty", "nothing"
+        else:
+            sound.append(row)
+            continue
+        problems.append(TableProblem(path, what, expected, found, row.source, line, "to_s"))
+    return tuple(sound)
 
 
 def _unread(problems: Iterable[TableProblem]) -> frozenset[str]:

@@ -17,7 +17,9 @@ if TYPE_CHECKING:
 
     from garment_dataset.catalog import Catalog
 
-Code = Literal["table-error", "misnamed", "duplicate", "unfinished", "unexpected", "missing", "unpaired"]
+Code = Literal[
+    "table-error", "misnamed", "duplicate", "unfinished", "unexpected", "missing", "no-background", "unpaired"
+]
 Severity = Literal["error", "warning", "note"]
 
 SEVERITIES: dict[Code, Severity] = {
@@ -27,6 +29,7 @@ SEVERITIES: dict[Code, Severity] = {
     "unfinished": "warning",
     "unexpected": "warning",
     "missing": "warning",
+    "no-background": "warning",
     "unpaired": "note",
 }
 """All codes, in the order of a report; the codes are stable."""
@@ -133,6 +136,13 @@ def _rows(catalog: Catalog, known: _Known) -> Iterator[Finding]:
             message = "there is such a bag in the folder, but not in recordings.csv"
             hint = f"If it belongs to the data set, add a row to {catalog.folder / 'recordings.csv'}."
             yield _finding("unexpected", row.recording, row.path, message, hint)
+        if (
+            row.axis == "B"
+            and row.path is not None
+            and (background := catalog.background(row.topics_file)).path is None
+        ):
+            message = f"nothing shows its scene without the garment: {background} is missing"
+            yield _finding("no-background", row.recording, row.path, message, f"Provide {background.missing}.")
         if row.partner is None:
             other = "B" if row.axis == "R" else "R"
             message = f"no {other} recording of the same garment, holding, repeat, swing and speed"

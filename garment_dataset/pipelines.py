@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
-    from garment_dataset.catalog import Catalog, CatalogRow
+    from garment_dataset.catalog import BackgroundSource, Catalog, CatalogRow
     from garment_dataset.engine.stage import Stage, StageParams
 
 
@@ -156,23 +156,84 @@ class GraphBuilder:
         return Graph(self._nodes.values())
 
     def _add(self, stage: Stage, row: CatalogRow, params: Mapping[str, StageParams], pipeline: Pipeline) -> NodeId:
-        node_id = NodeId(stage.name, row.recording)
-        if node_id in self._nodes:
-            if self._nodes[node_id].params != params[stage.name]:
-                raise PipelineError(
-                    f"two pipelines ask for stage {stage.name!r} of {row.recording} with different parameters",
-                    where=pipeline.name,
-                    hint="Let their `recordings` exclude each other, or give both the same [params].",
-                )
+        """Add a stage of a recording, with what feeds it; what its camera position shares is added once for all."""
+        if stage.per == "background":
+            return self._add_background(stage, self._catalog.background(row.topics_file), params, pipeline)
+        return self._add_bag(stage, row.recording, row.path, params, pipeline, topics_file=row.topics_file)
+
+    def _add_bag(
+        self,
+        stage: Stage,
+        bag: str,
+        path: Path | None,
+        params: Mapping[str, StageParams],
+        pipeline: Pipeline,
+        *,
+        topics_file: int,
+    ) -> NodeId:
+        """Add a stage of one bag: of a recording, or of an empty scene."""
+        node_id = NodeId(stage.name, bag)
+        if self._has(node_id, params[stage.name], pipeline):
             return node_id
-        inputs = {table: self._add(self._made[table], row, params, pipeline) for table in stage.inputs}
+        inputs: dict[str, NodeId] = {}
+        for table in stage.inputs:
+            maker = self._made[table]
+            if maker.per == "background":
+                inputs[table] = self._add_background(maker, self._catalog.background(topics_file), params, pipeline)
+            else:
+                inputs[table] = self._add_bag(maker, bag, path, params, pipeline, topics_file=topics_file)
+        obstacles = (self._nodes[feeder].blocked for feeder in inputs.values())
         self._nodes[node_id] = Node(
             stage=stage,
-            subject=row.recording,
+            subject=bag,
             params=params[stage.name],
-            sources={name: row.path for name in stage.arguments if name in stage.sources and row.path is not None},
+            sources={name: path for name in stage.arguments if name in stage.sources and path is not None},
             inputs=inputs,
-            labels=self._catalog.labels(row.recording),
-            partition="/".join(f"{key}={value}" for key, value in self._catalog.partition(row.recording).items()),
+            labels=self._catalog.labels(bag),
+            partition="/".join(f"{key}={value}" for key, value in self._catalog.partition(bag).items()),
+            blocked=next((obstacle for obstacle in obstacles if obstacle is not None), None),
         )
         return node_id
+
+    def _add_background(
+        self, stage: Stage, source: BackgroundSource, params: Mapping[str, StageParams], pipeline: Pipeline
+    ) -> NodeId:
+        """Add a stage of a camera position; the catalog says which bag shows its empty scene, and when."""
+        node_id = NodeId(stage.name, f"position_{source.topics_file}")
+        interval = {"from_s": source.from_s, "to_s": source.to_s}
+        given = {name: value for name, value in interval.items() if value is not None}
+        own = stage.params.model_validate({**params[stage.name].model_dump(), **given})
+        if self._has(node_id, own, pipeline):
+            return node_id
+        inputs: dict[str, NodeId] = {}
+        if source.path is not None:
+            inputs = {
+                table: self._add_bag(
+                    self._made[table], source.source, source.path, params, pipeline, topics_file=source.topics_file
+                )
+                for table in stage.inputs
+            }
+        self._nodes[node_id] = Node(
+            stage=stage,
+            subject=node_id.subject,
+            params=own,
+            sources={
+                name: source.path for name in stage.arguments if name in stage.sources and source.path is not None
+            },
+            inputs=inputs,
+            labels=self._catalog.labels(source.source),
+            blocked=None if source.path is not None else f"no background: {source.missing}",
+        )
+        return node_id
+
+    def _has(self, node_id: NodeId, params: StageParams, pipeline: Pipeline) -> bool:
+        """Say whether a node is there already, with these very parameters."""
+        if node_id not in self._nodes:
+            return False
+        if self._nodes[node_id].params != params:
+            raise PipelineError(
+                f"two pipelines ask for stage {node_id.stage!r} of {node_id.subject} with different parameters",
+                where=pipeline.name,
+                hint="Let their `recordings` exclude each other, or give both the same [params].",
+            )
+        return True

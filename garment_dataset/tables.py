@@ -67,7 +67,7 @@ def arrow_type(text: str) -> pa.DataType:
     if (found := _LIST_TYPE.fullmatch(text)) is not None:
         return pa.list_(pa.field("element", arrow_type(found["item"]), nullable=False))
     try:
-        return pa.type_for_alias(text)
+        return pa.type_for_alias(text)  # type: ignore[call-overload,no-any-return]  # the stubs want literals
     except ValueError as error:
         raise TableError("not a column type", expected="a primitive or list<primitive>", found=text) from error
 
@@ -96,18 +96,25 @@ class TableSpec:
         What one row stands for.
     columns : tuple of Column
         Beside :data:`IDENTITY`, which :meth:`finish` puts in front.
+    partitions : tuple of str
+        Keys in the paths of its files.
     """
 
     name: str
     version: int
     row: str
     columns: tuple[Column, ...]
+    partitions: tuple[str, ...] = ("garment", "holding")
 
     def schema(self) -> pa.Schema:
         """Return the full Arrow schema: identity columns first."""
         import pyarrow as pa
 
-        metadata = {"table": self.name, "version": str(self.version), "row": self.row}
+        metadata: dict[bytes | str, bytes | str] = {
+            "table": self.name,
+            "version": str(self.version),
+            "row": self.row,
+        }
         return pa.schema([column.field() for column in (*IDENTITY, *self.columns)], metadata=metadata)
 
     def build(self, columns: Mapping[str, Any]) -> pa.Table:
@@ -174,10 +181,7 @@ class TableSpec:
             raise TableError("not a table of this schema", where=self.name, expected=own.names, found=table.schema)
         try:
             constant = [
-                pa.array([labels[column.name]], type=arrow_type(column.type)).take(
-                    pa.nulls(table.num_rows, pa.int8()).fill_null(0)
-                )
-                for column in IDENTITY
+                pa.array([labels[column.name]] * table.num_rows, type=arrow_type(column.type)) for column in IDENTITY
             ]
         except KeyError as error:
             raise TableError("identity column without a value", where=self.name, found=error) from error
@@ -190,7 +194,7 @@ class TableSpec:
             "table": self.name,
             "version": self.version,
             "row": self.row,
-            "partitions": ["garment", "holding"],
+            "partitions": list(self.partitions),
             "columns": [
                 {
                     "name": column.name,
@@ -247,14 +251,15 @@ CAMERA = TableSpec(
 
 GRIPPER = TableSpec(
     "gripper",
-    1,
-    "one depth frame",
+    2,
+    "one usable image of either stream",
     (
+        Column("stream", "string", "", "depth or color: whose image, and in whose optical frame the point is"),
         _FRAME,
         _STAMP,
-        Column("x_m", "float64", "m", "end point of the gripper, depth optical frame, right", nullable=True),
-        Column("y_m", "float64", "m", "end point of the gripper, depth optical frame, down", nullable=True),
-        Column("z_m", "float64", "m", "end point of the gripper, depth optical frame, forward", nullable=True),
+        Column("x_m", "float64", "m", "end point of the gripper, optical frame of the stream, right", nullable=True),
+        Column("y_m", "float64", "m", "end point of the gripper, optical frame of the stream, down", nullable=True),
+        Column("z_m", "float64", "m", "end point of the gripper, optical frame of the stream, forward", nullable=True),
         Column("source", "string", "", "topic, or tf when computed from the recorded transforms", nullable=True),
         Column("gap_ns", "int64", "ns", "distance in time to the nearest sample the point rests on", nullable=True),
         Column("reason", "string", "", "why there is no point; null when there is one", nullable=True),
@@ -340,5 +345,67 @@ KINEMATICS = TableSpec(
             for axis in "xyz"
         ),
         Column("reason", "string", "", "why there is no position; null when there is one", nullable=True),
+    ),
+)
+
+BACKGROUND = TableSpec(
+    "background",
+    1,
+    "one row of the image of the empty scene, from the top",
+    (
+        Column("v_px", "int32", "px", "number of the row of the image, from 0"),
+        Column("frame_count", "int32", "1", "number of frames that mean and std are of"),
+        Column("mean", "list<float64>", "level", "mean by pixel and channel, thesis eq. (5.1): r, g, b, r, g, b, …"),
+        Column("std", "list<float64>", "level", "sample standard deviation, thesis eq. (5.2), in the order of mean"),
+    ),
+    partitions=(),
+)
+"""One file per camera position. ``np.stack(frame["mean"]).reshape(len(frame), -1, 3)`` is the image, (H, W, 3)."""
+
+SILHOUETTES = TableSpec(
+    "silhouettes",
+    1,
+    "one usable colour frame",
+    (
+        _FRAME,
+        _STAMP,
+        Column("mask", "binary", "", "PNG of one bit per pixel, of the size of the image: white is garment", True),
+        Column("area_px2", "int32", "px2", "number of pixels of the mask", nullable=True),
+        Column("centroid_u_px", "float64", "px", "mean u of the mask; the centre of the first pixel is 0", True),
+        Column("centroid_v_px", "float64", "px", "mean v of the mask; the centre of the first pixel is 0", True),
+        Column("major_px", "float64", "px", "length of the major axis, as MATLAB's regionprops", nullable=True),
+        Column("minor_px", "float64", "px", "length of the minor axis, as MATLAB's regionprops", nullable=True),
+        Column("orientation_rad", "float64", "rad", "of the major axis, counter-clockwise from the u axis", True),
+        Column("box_u_px", "int32", "px", "first column of the mask", nullable=True),
+        Column("box_v_px", "int32", "px", "first row of the mask", nullable=True),
+        Column("box_width_px", "int32", "px", "number of columns from the first to the last of the mask", True),
+        Column("box_height_px", "int32", "px", "number of rows from the first to the last of the mask", True),
+        Column("outline_u_px", "list<int32>", "px", "u of the outer border's pixels, counter-clockwise", True),
+        Column("outline_v_px", "list<int32>", "px", "v of the same pixels", nullable=True),
+        Column("gripper_u_px", "float64", "px", "u of the gripper's end point in the image", nullable=True),
+        Column("gripper_v_px", "float64", "px", "v of the gripper's end point in the image", nullable=True),
+        *(
+            Column(f"drift_{channel}", "float64", "level", f"brightness against the background, {name}", nullable=True)
+            for channel, name in (("r", "red"), ("g", "green"), ("b", "blue"))
+        ),
+        Column("reason", "string", "", "why there is no mask; null when there is one", nullable=True),
+    ),
+)
+"""``decode_mask(row.mask)`` of :mod:`garment_dataset.vision.masks` is the mask, (H, W) bool."""
+
+CENTRAL_CURVES = TableSpec(
+    "central_curves",
+    1,
+    "one cut across the silhouette of one colour frame, from its upper end down",
+    (
+        _FRAME,
+        _STAMP,
+        Column("cut", "int32", "1", "number of the cut, from 0 at the upper end"),
+        Column("u_px", "float64", "px", "u of the midpoint between the outermost crossings of cut and outline"),
+        Column("v_px", "float64", "px", "v of the same midpoint"),
+        Column("width_px", "float64", "px", "distance between the outermost crossings"),
+        Column("position_px", "float64", "px", "of the cut along the major axis, from the upper end"),
+        Column("arc_length_px", "float64", "px", "along the curve, from its first midpoint"),
+        Column("parts", "int32", "1", "how many separate parts the cut meets: more than 1 at folds, sleeves and holes"),
     ),
 )

@@ -142,6 +142,91 @@ def make_recording() -> MakeRecording:
     return write_recording
 
 
+class MakeColorRecording(Protocol):
+    """Writes a bag; see :func:`write_color_recording`."""
+
+    def __call__(
+        self, path: Path, *, frames: int = ..., empty_frames: int = ..., level: int = ..., seed: int = ...
+    ) -> Path: ...
+
+
+def scene_rgb(level: int, seed: int, left_px: int | None) -> NDArray[np.uint8]:
+    """Return a wall of one colour with noise, and before it a green sheet, 30 x 60 pixels, that begins in row 25."""
+    noise = np.random.default_rng(seed).integers(-3, 4, (HEIGHT_PX, WIDTH_PX, 3))
+    image = np.full((HEIGHT_PX, WIDTH_PX, 3), level) + noise
+    if left_px is not None:
+        image[25:85, left_px : left_px + 30] += np.array([60, 140, 80]) - level
+    return np.clip(image, 0, 255).astype(np.uint8)
+
+
+def write_color_recording(
+    path: Path, *, frames: int = 6, empty_frames: int = 0, level: int = 190, seed: int = 0
+) -> Path:
+    """Write a recording of a sheet that moves across the view, one pixel a frame: all that the colour pipeline reads.
+
+    Parameters
+    ----------
+    path : Path
+        The bag.
+    frames, empty_frames : int
+        Number of images, and of those at the beginning that show the wall alone; with the sheet in none, it is the
+        recording of an empty scene.
+    level, seed : int
+        Grey level of the wall, and of what noise.
+    """
+    store = get_typestore(Stores.ROS1_NOETIC)
+    types: dict[str, Any] = store.types
+    kinds = {
+        "/xtion1/rgb/image_raw": "sensor_msgs/msg/Image",
+        "/xtion1/rgb/camera_info": "sensor_msgs/msg/CameraInfo",
+        "/r2_ee_to_rgb": "geometry_msgs/msg/PointStamped",
+    }
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.unlink(missing_ok=True)
+    with Writer(path) as writer:
+        connections = {topic: writer.add_connection(topic, kind, typestore=store) for topic, kind in kinds.items()}
+        for number in range(frames):
+            stamp_ns = START_NS + number * PERIOD_NS
+            stamp = types["builtin_interfaces/msg/Time"](sec=stamp_ns // 10**9, nanosec=stamp_ns % 10**9)
+            head = types["std_msgs/msg/Header"](seq=0, stamp=stamp, frame_id="xtion1_rgb_optical_frame")
+            left_px = None if number < empty_frames else 60 + number
+            pixels = scene_rgb(level, 1000 * seed + number, left_px)
+            size = {"header": head, "height": HEIGHT_PX, "width": WIDTH_PX}
+            k = np.array([FOCAL_PX, 0, WIDTH_PX / 2, 0, FOCAL_PX, HEIGHT_PX / 2, 0, 0, 1.0])
+            roi = types["sensor_msgs/msg/RegionOfInterest"](0, 0, 0, 0, do_rectify=False)
+            messages = {
+                "/xtion1/rgb/image_raw": types["sensor_msgs/msg/Image"](
+                    **size, encoding="rgb8", is_bigendian=0, step=3 * WIDTH_PX, data=pixels.ravel()
+                ),
+                "/xtion1/rgb/camera_info": types["sensor_msgs/msg/CameraInfo"](
+                    **size,
+                    distortion_model="",
+                    D=np.zeros(5),
+                    K=k,
+                    R=k,
+                    P=np.zeros(12),
+                    binning_x=0,
+                    binning_y=0,
+                    roi=roi,
+                ),
+                "/r2_ee_to_rgb": types["geometry_msgs/msg/PointStamped"](
+                    header=head,
+                    point=types["geometry_msgs/msg/Point"](
+                        x=(75 + number - WIDTH_PX / 2) / FOCAL_PX, y=(24.5 - HEIGHT_PX / 2) / FOCAL_PX, z=1.0
+                    ),
+                ),
+            }
+            for topic, message in messages.items():
+                raw = store.serialize_ros1(message, kinds[topic])
+                writer.write(connections[topic], stamp_ns + 20_000_000, raw)
+    return path
+
+
+@pytest.fixture
+def make_color_recording() -> MakeColorRecording:
+    return write_color_recording
+
+
 RECORDINGS = ("GreenTowel_Ruler_01_pi16_0.5_R1", "GreenTowel_Ruler_02_pi16_0.5_R1", "MyScarf_Corner_pi16_0.5_R1")
 
 
@@ -160,6 +245,30 @@ def workspace(tmp_path: Path, sample_bags: dict[str, Path]) -> Workspace:
     made = Workspace.create(tmp_path / "workspace")
     for name, path in sample_bags.items():
         (made.recordings_dir / f"{name}.bag").symlink_to(path)
+    return made
+
+
+COLOR_RECORDINGS = (
+    "GreenTowel_Corner_01_pi16_0.5_B1",
+    "GreenTowel_Corner_02_pi16_0.5_B1",
+    "MyScarf_Free_pi16_0.5_B2",
+)
+
+
+@pytest.fixture
+def color_workspace(tmp_path: Path) -> Workspace:
+    """A workspace with three recordings across the view, two of one camera position, whose empty scene is there.
+
+    The third shows its own empty scene for three frames, and backgrounds.csv says so.
+    """
+    made = Workspace.create(tmp_path / "color")
+    *_, third = COLOR_RECORDINGS
+    for seed, name in enumerate(COLOR_RECORDINGS):
+        write_color_recording(made.recordings_dir / f"{name}.bag", seed=seed, empty_frames=3 * (name == third))
+    write_color_recording(made.recordings_dir / "camera_default_0.bag", empty_frames=6, seed=9)
+    (made.catalog_dir / "backgrounds.csv").write_text(
+        f"topics_file,source,from_s,to_s\n1,camera_default_0,,\n2,{third},0,0.09\n"
+    )
     return made
 
 

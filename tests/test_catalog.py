@@ -192,7 +192,9 @@ def test_the_same_topics_file_is_preferred_in_a_pair() -> None:
 
 def test_without_a_folder_nothing_is_said_about_state(thesis: Catalog) -> None:
     assert set(states(thesis).values()) == {None}
-    assert thesis.backgrounds == {}
+    assert [(number, found.source, found.path) for number, found in thesis.backgrounds.items()] == [
+        (1, "camera_default_0", None)
+    ]
 
 
 def test_a_folder_that_does_not_exist_holds_nothing(thesis: Catalog, tmp_path: Path) -> None:
@@ -228,7 +230,13 @@ def test_bags_are_found_at_any_depth_and_the_rest_is_missing_or_unexpected(
     assert len(found) == 46 + 3
     assert catalog.row("FelShirt_Free_pi16_0.5_B1").path == bags / "a/b/c/FelShirt_Free_pi16.0.5_B1.bag"
     assert catalog.row("BlueShirt_Free_pi16_0.5_R1").path == bags / "BlueShirt_Free_pi16_0.5_R1"
-    assert catalog.backgrounds == {1: bags / "camera_default_0.bag", 4: bags / "a/camera_default_3.bag"}
+    assert {number: found.path for number, found in catalog.backgrounds.items()} == {
+        1: bags / "camera_default_0.bag",
+        2: None,
+        4: bags / "a/camera_default_3.bag",
+    }
+    wanted = "bags/camera_default_1.bag, or a row for topics file 2 in catalog/backgrounds.csv"
+    assert catalog.background(2).missing == wanted
 
 
 def test_an_unexpected_bag_says_what_its_name_says_and_no_more(thesis: Catalog, put: Callable[..., Path]) -> None:
@@ -546,3 +554,46 @@ def test_labels_fill_the_identity_columns(thesis: Catalog) -> None:
     labels = thesis.labels("GreenTowel_Corner_01_pi16.0.5_R1.bag")
     assert list(labels.values()) == ["GreenTowel_Corner_01_pi16_0.5_R1", "R", 0.5, 1, math.pi / 16]
     assert list(thesis.labels("camera_default_0").values()) == ["camera_default_0", None, None, None, None]
+
+
+# Backgrounds
+
+
+def test_an_interval_of_a_recording_may_be_the_background(folder: Path, put: Callable[..., Path]) -> None:
+    rows = ["1,camera_default_7,,", "2,My_Towel_0.5_B2.bag,0.5,2", "3,camera_default_2,1,"]
+    (folder / "backgrounds.csv").write_text("\n".join(["topics_file,source,from_s,to_s", *rows]), "utf-8")
+    bags = put("My_Towel_0.5_B2.bag", "camera_default_7.bag")
+    backgrounds = Catalog.load(folder).with_folder(bags).backgrounds
+    assert {number: str(found) for number, found in backgrounds.items()} == {
+        1: "camera_default_7",
+        2: "My_Towel_0.5_B2, 0.5 s to 2 s",
+        3: "camera_default_2, 1 s to its end",
+        8: "camera_default_7",
+    }
+    assert [found.path is None for found in backgrounds.values()] == [False, False, True, False]
+    assert (backgrounds[2].from_s, backgrounds[2].to_s) == (0.5, 2.0)
+
+
+def test_without_the_table_the_bag_of_the_position_is_the_background(folder: Path) -> None:
+    (folder / "backgrounds.csv").unlink()
+    assert {number: found.source for number, found in Catalog.load(folder).backgrounds.items()} == {
+        1: "camera_default_0"
+    }
+
+
+@pytest.mark.parametrize(
+    ("row", "message"),
+    [
+        ("0,camera_default_0,,", "line 2, column topics_file: .*number of a topics file.*'0'"),
+        ("1,nonsense,,", "line 2, column source: .*the name of a bag.*nonsense"),
+        ("1,My_Towel_0.5_B2,,", "line 2, column to_s: a recording without an interval"),
+        ("1,My_Towel_0.5_B2,2,1.5", "line 2, column to_s: an interval that holds nothing: expected more than 2"),
+        ("1,camera_default_0,-1,", "line 2, column from_s: .*seconds after its first image"),
+        ("1,camera_default_0,,\n1,camera_default_1,,", "line 3, column topics_file: row given twice"),
+    ],
+)
+def test_a_background_that_makes_no_sense_is_refused(folder: Path, row: str, message: str) -> None:
+    (folder / "backgrounds.csv").write_text(f"topics_file,source,from_s,to_s\n{row}\n", "utf-8")
+    with pytest.raises(CatalogError, match=message):
+        Catalog.load(folder)
+    assert len(Catalog.load(folder, strict=False).tables.backgrounds) <= 1

@@ -48,8 +48,9 @@ def test_four_readers_find_the_same_rows(features: Path, table: str) -> None:
     expected = sorted_rows(by_arrow(features / table))
     assert len(expected) > 0
     pattern = str(features / table / "**" / "*.parquet")
-    duck = duckdb.sql(f"SELECT * FROM read_parquet('{pattern}', hive_partitioning = true)").to_arrow_table()
-    assert sorted_rows(duck) == expected
+    duck = duckdb.sql(f"SELECT * FROM read_parquet('{pattern}', hive_partitioning = true)")
+    assert duck is not None
+    assert sorted_rows(duck.to_arrow_table()) == expected
     assert sorted_rows(pl.read_parquet(pattern, hive_partitioning=True).to_arrow()) == expected
     frame = pd.read_parquet(features / table)
     assert len(frame) == len(expected)
@@ -69,6 +70,7 @@ def test_types_are_the_same_for_every_reader(features: Path, table: str) -> None
         schema = pq.read_schema(path)
         assert schema.names == list(declared)
         for field in schema:
+            assert field.metadata is not None
             assert field.metadata[b"unit"].decode() == declared[field.name]["unit"]
             assert arrow.field(field.name).type == field.type
             if pa.types.is_primitive(field.type):

@@ -104,7 +104,7 @@ def test_both_differences_between_tables_and_folder_are_exact(
     tmp_path_factory: pytest.TempPathFactory, listed: set[str], others: set[str]
 ) -> None:
     folder = tmp_path_factory.mktemp("bags")
-    for name in listed | others:
+    for name in listed | others | {"camera_default_0"}:
         (folder / f"{name}.bag").touch()
     findings = list(lint(Catalog.load(THESIS), folder))
     assert subjects(findings, "missing") == [name for name in ALL if name not in listed]
@@ -204,7 +204,7 @@ def test_an_unfinished_bag_is_unfinished_and_its_recording_missing(workspace: Pa
 
 
 def test_table_errors_are_all_listed_and_make_no_other_findings(workspace: Path, put: Callable[..., None]) -> None:
-    put(*(f"{name}.bag" for name in ALL))
+    put(*(f"{name}.bag" for name in ALL), "camera_default_0.bag")
     table = workspace / "catalog" / "recordings.csv"
     edit(table, "1,e,d,no", "1,z,d,nope")
     edit(table, "2,e,a,no", "2,d,a,no")
@@ -224,9 +224,30 @@ def test_table_errors_are_all_listed_and_make_no_other_findings(workspace: Path,
     assert subjects(findings, "unexpected") == [], "without a table nobody knows what to expect"
 
 
+def test_recordings_across_the_view_need_the_empty_scene(workspace: Path, put: Callable[..., None]) -> None:
+    put("GreenTowel_Free_pi16_0.5_B1.bag", "GreenTowel_Free_pi16_0.5_R1.bag", "My_Scarf_1_B3.bag", "My_Scarf_1_R4.bag")
+    findings = findings_of(workspace)
+    assert subjects(findings, "no-background") == ["GreenTowel_Free_pi16_0.5_B1", "My_Scarf_1_B3"]
+    hints = [finding.hint for finding in findings if finding.code == "no-background"]
+    assert hints == [
+        f"Provide recordings/camera_default_{number - 1}.bag, or a row for topics file {number} in "
+        "catalog/backgrounds.csv."
+        for number in (1, 3)
+    ]
+    put("camera_default_0.bag")
+    table = workspace / "catalog" / "backgrounds.csv"
+    table.write_text(table.read_text("utf-8") + "3,My_Scarf_1_R4,0,1.5\n", "utf-8")
+    assert subjects(findings_of(workspace), "no-background") == []
+    table.write_text("topics_file,source\n1,camera_default_5\n", "utf-8")
+    finding = next(finding for finding in findings_of(workspace) if finding.code == "no-background")
+    assert finding.hint == (
+        "Provide recordings/camera_default_5.bag, which catalog/backgrounds.csv names for topics file 1."
+    )
+
+
 def test_findings_come_in_the_order_of_their_codes(workspace: Path, put: Callable[..., None]) -> None:
     edit(workspace / "catalog" / "recordings.csv", "1,e,d,no", "1,z,d,no")
-    put("a/My_Bag_1_R1.bag", "b/My_Bag_1_R1.bag", "x.bag", "y.bag.active")
+    put("a/My_Bag_1_R1.bag", "b/My_Bag_1_R1.bag", "My_Bag_1_B7.bag", "x.bag", "y.bag.active")
     codes = list(dict.fromkeys(finding.code for finding in findings_of(workspace)))
     assert codes == list(SEVERITIES)
 
@@ -299,7 +320,8 @@ def test_show_tells_all_of_one_recording(garment: Run, put: Callable[..., None])
     assert ["partner", "GreenTowel_Free_pi16_0.5_B1 (missing)"] in facts
     assert result.stdout.splitlines()[-1].strip() == "/r2_ee_to_rgb"
     shown = json.loads(garment("show", "GreenTowel_Free_pi16_0.5_R1", "--json").stdout)
-    assert shown["background"].endswith("recordings/camera_default_0.bag")
+    assert shown["background"]["path"].endswith("recordings/camera_default_0.bag")
+    assert (shown["background"]["source"], shown["background"]["from_s"]) == ("camera_default_0", None)
     assert len(shown["topics"]) == 10
     assert shown["weight_kg"] == 0.045
     with pytest.raises(CatalogError, match="Did you mean GreenTowel_Free_pi16_0"):
@@ -336,7 +358,7 @@ def test_lint_groups_an_empty_folder_in_text(garment: Run) -> None:
 
 
 def test_lint_names_what_is_missing_once_there_is_a_bag(garment: Run, put: Callable[..., None]) -> None:
-    put("FelShirt_Free_pi16.0.5_B1.bag")
+    put("FelShirt_Free_pi16.0.5_B1.bag", "camera_default_0.bag")
     lines = garment("lint").stdout.splitlines()
     assert "    recordings/FelShirt_Free_pi16.0.5_B1.bag" in lines
     assert "    BlackShorts_Belt_pi16_0.5_R1" in lines

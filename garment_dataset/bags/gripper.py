@@ -1,7 +1,8 @@
-"""Where the gripper is in the camera's optical frame at the time of each depth frame.
+"""Where the gripper is in a camera's optical frame at the time of each of its images.
 
-The recorder's own topic (``/r2_ee_to_depth``) says it directly, on stamps of its own; where it is silent, the point is
-the origin of the gripper's frame, computed from the recorded transforms as that topic's node did (thesis 5.3.2).
+The recorder's own topics (``/r2_ee_to_depth``, ``/r2_ee_to_rgb``) say it directly, on stamps of their own; where they
+are silent, the point is the origin of the gripper's frame, computed from the recorded transforms as those topics' node
+did (thesis 5.3.2).
 """
 
 from __future__ import annotations
@@ -79,6 +80,52 @@ class _Row(NamedTuple):
     detail: str | None
 
 
+@dataclass(eq=False)
+class RecordedTransforms:
+    """The transforms of a bag, read when first asked for, and then kept for whoever else asks.
+
+    Parameters
+    ----------
+    bag : Bag
+        An open recording.
+    tf_topic, tf_static_topic : str
+        Messages of type ``tf2_msgs/TFMessage`` or ``tf/tfMessage``.
+    """
+
+    bag: Bag
+    tf_topic: str = "/tf"
+    tf_static_topic: str = "/tf_static"
+
+    @property
+    def recorded(self) -> bool:
+        """Whether the bag has any such topic."""
+        return self.tf_topic in self.bag.topics or self.tf_static_topic in self.bag.topics
+
+    @cached_property
+    def tree(self) -> TransformTree:
+        """The tree of all of them; a :class:`~garment_dataset.errors.DataWarning` tells of those left out."""
+        tree, left_out = TransformTree(), Counter[str]()
+        for message in self.bag.messages(self.tf_topic, self.tf_static_topic):
+            if message.type not in _TRANSFORMS:
+                left_out[f"{message.topic}, of type {message.type} instead of {' or '.join(_TRANSFORMS)}"] += 1
+                continue
+            for stamped in message.data.transforms:
+                move, turn = stamped.transform.translation, stamped.transform.rotation
+                tree.add(
+                    stamped.header.frame_id,
+                    stamped.child_frame_id,
+                    _stamp_ns(stamped),
+                    (move.x, move.y, move.z),
+                    (turn.x, turn.y, turn.z, turn.w),
+                    static=message.topic == self.tf_static_topic,
+                )
+        if tree.refused:
+            text = f"{self.bag.path.name}: {tree.refused} malformed transforms left out"
+            warnings.warn(text, DataWarning, stacklevel=2)
+        _warn_of_left_out(self.bag, left_out)
+        return tree
+
+
 def read_gripper(
     bag: Bag,
     stamps_ns: Iterable[int],
@@ -87,9 +134,9 @@ def read_gripper(
     gripper_frame: str = "r2_ee",
     source: Source = "auto",
     topic: str = "/r2_ee_to_depth",
-    tf_topic: str = "/tf",
-    tf_static_topic: str = "/tf_static",
+    transforms: RecordedTransforms | None = None,
     max_gap_s: float = 0.1,
+    stream: str = "depth",
 ) -> GripperTrack:
     """Read the end point of the gripper at given times.
 
@@ -98,17 +145,19 @@ def read_gripper(
     bag : Bag
         An open recording.
     stamps_ns : iterable of int, length N
-        Header stamps of the depth frames.
+        Header stamps of the images.
     camera_frame, gripper_frame : str
-        Optical frame of the depth camera; frame whose origin is the end point.
+        Optical frame of the camera; frame whose origin is the end point.
     source : {"auto", "topic", "tf"}
         Whom to ask.
     topic : str
         Messages of ``geometry_msgs`` type PointStamped, PoseStamped, TransformStamped or Vector3Stamped.
-    tf_topic, tf_static_topic : str
-        Messages of type ``tf2_msgs/TFMessage`` or ``tf/tfMessage``.
+    transforms : RecordedTransforms, optional
+        Those of the bag; by default its ``/tf`` and ``/tf_static``. Whoever asks for both cameras reads them once.
     max_gap_s : float
         Longest time between two samples, in seconds, that is interpolated across.
+    stream : str
+        What the images are called in warnings.
 
     Returns
     -------
@@ -122,7 +171,7 @@ def read_gripper(
     without a frame is taken to be in the camera's. A :class:`~garment_dataset.errors.DataWarning` tells of messages
     that were left out and of frames without a point.
     """
-    camera = _Camera(bag, camera_frame.lstrip("/"), (tf_topic, tf_static_topic), round(max_gap_s * 1e9))
+    camera = _Camera(transforms or RecordedTransforms(bag), camera_frame.lstrip("/"), round(max_gap_s * 1e9))
     asked: dict[str, Callable[[int], _Point | _NoPoint]] = {}
     if source != "tf":
         samples = _read_topic(bag, topic, camera)
@@ -130,10 +179,9 @@ def read_gripper(
     if source != "topic":
         asked["tf"] = partial(camera.see, gripper_frame, np.zeros(3))
     rows = [_first_answer(asked, int(stamp_ns)) for stamp_ns in stamps_ns]
-    for reason, count in camera.left_out.items():
-        warnings.warn(f"{bag.path.name}: {count} messages left out: {reason}", DataWarning, stacklevel=2)
+    _warn_of_left_out(bag, camera.left_out)
     if failed := [index for index, row in enumerate(rows) if row.detail]:
-        text = f"{bag.path.name}: no gripper position at {len(failed)} of {len(rows)} depth frames"
+        text = f"{bag.path.name}: no gripper position at {len(failed)} of {len(rows)} {stream} frames"
         warnings.warn(f"{text}, first at {failed[0]}: {rows[failed[0]].detail}", DataWarning, stacklevel=2)
     x_m, y_m, z_m = np.array([row.position_m for row in rows]).reshape(-1, 3).T
     return GripperTrack(
@@ -148,43 +196,19 @@ def read_gripper(
 
 @dataclass(eq=False)
 class _Camera:
-    """The frame that everything is wanted in, and the transforms that lead there, read when first needed."""
+    """The frame that everything is wanted in, and the transforms that lead there."""
 
-    bag: Bag
+    transforms: RecordedTransforms
     frame: str
-    tf_topics: tuple[str, str]
     max_gap_ns: int
     left_out: Counter[str] = field(default_factory=Counter)
-
-    @cached_property
-    def tree(self) -> TransformTree:
-        """The recorded transforms."""
-        tree = TransformTree()
-        for message in self.bag.messages(*self.tf_topics):
-            if message.type not in _TRANSFORMS:
-                self.left_out[f"{message.topic}, of type {message.type} instead of {' or '.join(_TRANSFORMS)}"] += 1
-                continue
-            for stamped in message.data.transforms:
-                move, turn = stamped.transform.translation, stamped.transform.rotation
-                tree.add(
-                    stamped.header.frame_id,
-                    stamped.child_frame_id,
-                    _stamp_ns(stamped),
-                    (move.x, move.y, move.z),
-                    (turn.x, turn.y, turn.z, turn.w),
-                    static=message.topic == self.tf_topics[1],
-                )
-        if tree.refused:
-            text = f"{self.bag.path.name}: {tree.refused} malformed transforms left out"
-            warnings.warn(text, DataWarning, stacklevel=2)
-        return tree
 
     def see(self, frame: str, position_m: NDArray[np.float64], stamp_ns: int) -> _Point | _NoPoint:
         """Take a position in ``frame`` into the camera's frame."""
         if frame.lstrip("/") == self.frame:
             return _Point(position_m, 0)
         try:
-            transform = self.tree.lookup(self.frame, frame, stamp_ns)
+            transform = self.transforms.tree.lookup(self.frame, frame, stamp_ns)
         except LookupFailedError as error:
             return _NoPoint(error.kind, str(error))
         if transform.bracket_ns > self.max_gap_ns:
@@ -210,6 +234,11 @@ class _Camera:
         if isinstance(point, _Point):
             return point
         return _NoPoint(f"in frame {frame!r} with no way to {self.frame!r} ({point.reason})", point.detail)
+
+
+def _warn_of_left_out(bag: Bag, left_out: Mapping[str, int]) -> None:
+    for reason, count in left_out.items():
+        warnings.warn(f"{bag.path.name}: {count} messages left out: {reason}", DataWarning, stacklevel=3)
 
 
 def _read_topic(bag: Bag, topic: str, camera: _Camera) -> dict[int, _Point]:

@@ -7,7 +7,7 @@ import warnings
 
 import typer
 
-from garment_dataset.cli import build, catalog, mask, workspace
+from garment_dataset.cli import build, catalog, mask, score, workspace
 from garment_dataset.cli.output import say, show_warning
 from garment_dataset.errors import GarmentError
 from garment_dataset.simulate.command import simulate
@@ -30,6 +30,7 @@ app.command("why")(build.why)
 app.command("dag")(build.dag)
 app.command("mask")(mask.mask)
 app.command("simulate")(simulate)
+app.command("score")(score.score)
 
 
 def main() -> None:

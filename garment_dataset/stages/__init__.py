@@ -2,6 +2,13 @@
 
 from __future__ import annotations
 
-from garment_dataset.stages import decode, depth_points, kinematics
+from garment_dataset.stages import background, central_curve, decode, depth_points, kinematics, silhouette
 
-STAGES = (decode.STAGE, depth_points.STAGE, kinematics.STAGE)
+STAGES = (
+    decode.STAGE,
+    depth_points.STAGE,
+    kinematics.STAGE,
+    background.STAGE,
+    silhouette.STAGE,
+    central_curve.STAGE,
+)

@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from garment_dataset.bags import Bag, ImageMessage
+    from garment_dataset.bags.gripper import RecordedTransforms
 
     Row = dict[str, Any]
     Columns = dict[str, list[Any]]
@@ -38,10 +39,12 @@ class DecodeParams(StageParams):
     color_camera_info_topic: str = ""
     joint_topic: str = "/joint_states"
     gripper_topic: str = "/r2_ee_to_depth"  # end point of the gripper in the depth camera
+    gripper_color_topic: str = "/r2_ee_to_rgb"  # the same in the colour camera
     tf_topic: str = "/tf"
     tf_static_topic: str = "/tf_static"
     gripper_source: Literal["auto", "topic", "tf"] = "auto"  # auto: the topic, and tf where it has no answer
     camera_frame: str = "xtion1_depth_optical_frame"  # empty: the frame_id of the depth images
+    color_camera_frame: str = "xtion1_rgb_optical_frame"  # empty: the frame_id of the colour images
     gripper_frame: str = "r2_ee"  # its origin is the end point of the gripper
     gripper_max_gap_s: PositiveFloat = 0.1  # longest time between two samples that is interpolated across
 
@@ -60,7 +63,7 @@ def decode(bag: Path, params: DecodeParams) -> dict[str, pa.Table]:
     -------
     dict of str to pyarrow.Table
         ``frames``: every image message of both streams, faulty ones with their fault; ``camera``: one row per stream;
-        ``gripper``: one row per usable depth frame; ``joints``: one row per joint and message.
+        ``gripper``: one row per usable image of either stream; ``joints``: one row per joint and message.
 
     Raises
     ------
@@ -82,7 +85,7 @@ def decode(bag: Path, params: DecodeParams) -> dict[str, pa.Table]:
         for name, rows in streams.items():
             _warn_of_frames(f"{bag.name}: {topics[name]}", rows)
         camera = CAMERA.build(_read_cameras(opened, streams, params))
-        gripper = GRIPPER.build(_read_gripper(opened, streams.get("depth", []), params))
+        gripper = GRIPPER.build(_read_grippers(opened, streams, params))
         joints = JOINTS.build(_read_joints(opened, params.joint_topic))
     rows = [row for stream in streams.values() for row in stream]
     frames = FRAMES.build({column.name: [row[column.name] for row in rows] for column in FRAMES.columns})
@@ -176,31 +179,54 @@ def _beside(image_topic: str) -> str:
     return f"{image_topic.rpartition('/')[0]}/camera_info"
 
 
-def _read_gripper(bag: Bag, depth: list[Row], params: DecodeParams) -> Columns:
-    """Return the end point at each usable depth frame."""
+def _read_grippers(bag: Bag, streams: Mapping[Stream, list[Row]], params: DecodeParams) -> Columns:
+    """Return the end point at each usable image, in the optical frame of its own camera."""
+    from garment_dataset.bags.gripper import RecordedTransforms
+
+    transforms = RecordedTransforms(bag, params.tf_topic, params.tf_static_topic)
+    columns: Columns = {column.name: [] for column in GRIPPER.columns}
+    for stream, rows in streams.items():
+        for name, values in _read_gripper(bag, stream, _usable(rows), transforms, params).items():
+            columns[name] += values
+    return columns
+
+
+def _read_gripper(
+    bag: Bag, stream: Stream, usable: list[Row], transforms: RecordedTransforms, params: DecodeParams
+) -> Columns:
+    """Return the end point at each image of one stream."""
     from garment_dataset.bags.gripper import read_gripper
 
-    usable = _usable(depth)
-    of_images = usable[0]["frame_id"] if usable else params.camera_frame
-    camera_frame = params.camera_frame or of_images
-    if camera_frame.lstrip("/") != of_images.lstrip("/"):
-        text = f"depth images are in frame {of_images!r}, the gripper is given in {camera_frame!r}"
-        warnings.warn(f"{bag.path.name}: {text}", DataWarning, stacklevel=3)
+    topic, wanted = {
+        "depth": (params.gripper_topic, params.camera_frame),
+        "color": (params.gripper_color_topic, params.color_camera_frame),
+    }[stream]
     stamps_ns = [row["stamp_ns"] for row in usable]
+    columns: Columns = {"stream": [stream] * len(usable), "frame": [row["frame"] for row in usable]}
+    columns["stamp_ns"] = stamps_ns
+    if stream == "color" and topic not in bag.topics and not transforms.recorded:
+        # As good as every bag with the depth camera's topic alone: whoever needs the colour camera's says so
+        nothing = [None] * len(usable)
+        unknown = dict.fromkeys(("x_m", "y_m", "z_m", "source", "gap_ns"), nothing)
+        return {**columns, **unknown, "reason": ["not recorded"] * len(usable)}
+    of_images = usable[0]["frame_id"] if usable else wanted
+    camera_frame = wanted or of_images
+    if camera_frame.lstrip("/") != of_images.lstrip("/"):
+        text = f"{stream} images are in frame {of_images!r}, the gripper is given in {camera_frame!r}"
+        warnings.warn(f"{bag.path.name}: {text}", DataWarning, stacklevel=4)
     track = read_gripper(
         bag,
         stamps_ns,
         camera_frame=camera_frame,
         gripper_frame=params.gripper_frame,
         source=params.gripper_source,
-        topic=params.gripper_topic,
-        tf_topic=params.tf_topic,
-        tf_static_topic=params.tf_static_topic,
+        topic=topic,
+        transforms=transforms,
         max_gap_s=params.gripper_max_gap_s,
+        stream=stream,
     )
     return {
-        "frame": [row["frame"] for row in usable],
-        "stamp_ns": stamps_ns,
+        **columns,
         "x_m": track.x_m.tolist(),
         "y_m": track.y_m.tolist(),
         "z_m": track.z_m.tolist(),

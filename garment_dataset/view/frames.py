@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from garment_dataset.errors import FilterError, MissingExtraError
 
@@ -16,11 +16,13 @@ if TYPE_CHECKING:
     from garment_dataset.catalog import CatalogRow
     from garment_dataset.workspace import Workspace
 
+Stream = Literal["depth", "color"]
+
 FIGURE_SIZE_INCHES = (12.0, 6.5)
 
 
-def save_frame(workspace: Workspace, row: CatalogRow, frame: int, path: Path) -> None:
-    """Draw one depth frame with what was extracted from it.
+def save_frame(workspace: Workspace, row: CatalogRow, frame: int, path: Path, *, stream: Stream | None = None) -> None:
+    """Draw one frame with what was extracted from it.
 
     Parameters
     ----------
@@ -32,6 +34,8 @@ def save_frame(workspace: Workspace, row: CatalogRow, frame: int, path: Path) ->
         Index of the image in its stream.
     path : Path
         Picture to write; its suffix says the format.
+    stream : {"depth", "color"}, optional
+        Whose image; by default the one that the recording's axis is about: R depth, B colour.
 
     Raises
     ------
@@ -42,29 +46,54 @@ def save_frame(workspace: Workspace, row: CatalogRow, frame: int, path: Path) ->
     StoreError
         If the recording was not built yet.
     """
-    from garment_dataset.view.depth import DepthFrame, draw_depth
-
-    figure = _figure()
-    tables = {
-        name: _rows(workspace, name, row.recording) for name in ("frames", "camera", "gripper", "chains", "points")
-    }
-    images = tables["frames"].query("stream == 'depth' and fault.isnull()")
+    chosen: Stream = stream or ("depth" if row.axis == "R" else "color")
+    figure = new_figure()
+    images = _rows(workspace, "frames", row.recording).query("stream == @chosen and fault.isnull()")
     if frame not in set(images["frame"]):
         last = images["frame"].max()
-        raise FilterError("no such usable depth frame", where=row.recording, expected=f"0 to {last}", found=frame)
-    gripper = tables["gripper"].query("frame == @frame")
+        raise FilterError(f"no such usable {chosen} frame", where=row.recording, expected=f"0 to {last}", found=frame)
+    draw = _draw_depth if chosen == "depth" else _draw_color
+    draw(figure, workspace, row, frame)
+    figure.savefig(path, dpi=110)
+
+
+def _draw_depth(figure: Figure, workspace: Workspace, row: CatalogRow, frame: int) -> None:
+    from garment_dataset.stages.depth_points import DepthPointsParams
+    from garment_dataset.view.depth import DepthFrame, draw_depth
+
+    tables = {name: _rows(workspace, name, row.recording) for name in ("camera", "gripper", "chains", "points")}
+    gripper = tables["gripper"].query("stream == 'depth' and frame == @frame")
     drawn = DepthFrame(
-        _pixels(row, frame),
+        _pixels(row, frame, DepthPointsParams().depth_topic, "depth"),
         tables["camera"].query("stream == 'depth'").iloc[0],
         gripper.iloc[0] if len(gripper) else None,
         tables["chains"].query("frame == @frame"),
         tables["points"].query("frame == @frame"),
     )
     draw_depth(figure, drawn, f"{row.recording}, depth frame {frame}", band_half_width_m=0.27)
-    figure.savefig(path, dpi=110)
 
 
-def _figure() -> Figure:
+def _draw_color(figure: Figure, workspace: Workspace, row: CatalogRow, frame: int) -> None:
+    from garment_dataset.stages.silhouette import SilhouetteParams
+    from garment_dataset.view.color import ColorFrame, draw_color
+
+    silhouette = _rows(workspace, "silhouettes", row.recording).query("frame == @frame").iloc[0]
+    drawn = ColorFrame(
+        _pixels(row, frame, SilhouetteParams().color_topic, "color"),
+        {str(name): value for name, value in silhouette.items()},
+        _rows(workspace, "central_curves", row.recording).query("frame == @frame"),
+    )
+    draw_color(figure, drawn, f"{row.recording}, colour frame {frame}")
+
+
+def new_figure() -> Figure:
+    """Return an empty figure.
+
+    Raises
+    ------
+    MissingExtraError
+        If matplotlib is not installed.
+    """
     try:
         from matplotlib.figure import Figure
     except ImportError as error:
@@ -80,15 +109,14 @@ def _rows(workspace: Workspace, table: str, recording: str) -> pd.DataFrame:
     return load_features(table, folder=workspace.features_dir, recording=recording)
 
 
-def _pixels(row: CatalogRow, frame: int) -> NDArray[Any]:
+def _pixels(row: CatalogRow, frame: int, base_topic: str, stream: Stream) -> NDArray[Any]:
     from garment_dataset.bags import open_bag
-    from garment_dataset.stages.depth_points import DepthPointsParams
 
     assert row.path is not None
     with open_bag(row.path) as bag:
-        topic = bag.image_topic(DepthPointsParams().depth_topic)
+        topic = bag.image_topic(base_topic)
         assert topic is not None
-        for image in bag.images(topic, "depth"):
+        for image in bag.images(topic, stream):
             if image.index == frame:
                 return image.pixels().copy()
-    raise FilterError("no such depth frame", where=row.path, found=frame)
+    raise FilterError(f"no such {stream} frame", where=row.path, found=frame)

@@ -2,7 +2,12 @@
 
 from __future__ import annotations
 
+import json
+import tomllib
 from typing import TYPE_CHECKING
+
+import cv2
+import pytest
 
 from garment_dataset.features import load_features
 
@@ -30,3 +35,33 @@ def test_a_recording_without_a_background_is_blocked_and_says_what_to_provide(
     assert "1: missing; 2: MyScarf" in garment("list", cwd=color_workspace.root).err
     make_color_recording(color_workspace.recordings_dir / "camera_default_0.bag", empty_frames=6)
     assert "6 built" in garment("build", cwd=color_workspace.root).err
+
+
+def test_a_polygon_is_suggested_for_a_pipeline_file(color_workspace: Workspace, garment: Garment) -> None:
+    where = color_workspace.root
+    nothing = garment("mask", code=2, cwd=where).err
+    assert "no background built" in nothing
+    assert "garment build --stage background" in nothing
+    garment("build", "--stage", "background", cwd=where)
+    assert "--position with one of [1, 2]" in garment("mask", code=2, cwd=where).err
+    text = garment("mask", "--position", "1", "--save", "clip.png", cwd=where).out
+    assert (where / "clip.png").stat().st_size > 10_000
+    polygon = tomllib.loads(text)["params"]["silhouette"]["clip_polygon"]
+    assert json.loads(garment("mask", "--position", "1", "--json", cwd=where).out)["clip_polygon"] == polygon
+    pipeline = color_workspace.pipelines_dir / "colour.toml"
+    pipeline.write_text(pipeline.read_text() + text)
+    garment("build", FIRST, cwd=where)
+    found = load_features("silhouettes", folder=color_workspace.features_dir, recording=FIRST)
+    assert found["reason"].isna().all()
+
+
+@pytest.mark.parametrize("frame", [0, 5])
+def test_a_colour_frame_is_drawn(color_workspace: Workspace, garment: Garment, frame: int) -> None:
+    """Frame 0 shows the wall alone."""
+    garment("build", OTHER, cwd=color_workspace.root)
+    picture = color_workspace.root / "frame.png"
+    garment("show", OTHER, "--frame", str(frame), "--save", str(picture), cwd=color_workspace.root)
+    image = cv2.imread(str(picture))
+    assert image is not None
+    red = (image[..., 2] > 200) & (image[..., 1] < 60) & (image[..., 0] < 60)
+    assert (red.sum() > 50) == (frame == 5), "the central curve is red"

@@ -9,6 +9,8 @@ import pytest
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from garment_dataset.tables import CAMERA, FRAMES, GRIPPER
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
@@ -136,3 +138,61 @@ class Messages:
 @pytest.fixture
 def ros() -> Messages:
     return Messages()
+
+
+@dataclass(frozen=True)
+class ColorTables:
+    """What ``decode`` would have said of colour images of a made recording, as the engine hands it on."""
+
+    identity: dict[str, Any] = field(
+        default_factory=lambda: {
+            "recording": "Made_Free_pi16_0.5_B1",
+            "axis": "B",
+            "speed": 0.5,
+            "repeat": None,
+            "swing_rad": None,
+        }
+    )
+
+    def of(self, spec: Any, rows: Sequence[dict[str, Any]]) -> Any:
+        """Return a table with the identity columns in front; columns not given are null."""
+        columns = {column.name: [row.get(column.name) for row in rows] for column in spec.columns}
+        return spec.finish(spec.build(columns), self.identity)
+
+    def frames(self, stamps_ns: Sequence[int], faulty: Sequence[int] = ()) -> Any:
+        rows = [
+            {
+                "stream": stream,
+                "frame": frame,
+                "stamp_ns": stamp_ns,
+                "record_stamp_ns": 0,
+                "fault": "torn" if frame in faulty and stream == "color" else None,
+            }
+            for stream in ("depth", "color")
+            for frame, stamp_ns in enumerate(stamps_ns)
+        ]
+        return self.of(FRAMES, rows)
+
+    def camera(self, size: tuple[int, int], f_px: float, c_px: tuple[float, float]) -> Any:
+        k = {"fx_px": f_px, "fy_px": f_px, "cx_px": c_px[0], "cy_px": c_px[1]}
+        row = {"frame_id": "camera", "width_px": size[0], "height_px": size[1], **k}
+        row |= {"distortion_model": "plumb_bob", "distortion": [0.0] * 5}
+        return self.of(CAMERA, [{**row, "stream": "depth", "fx_px": 1.0, "fy_px": 1.0}, {**row, "stream": "color"}])
+
+    def gripper(self, stamps_ns: Sequence[int], positions_m: Sequence[Sequence[float] | None]) -> Any:
+        rows = []
+        for frame, (stamp_ns, position_m) in enumerate(zip(stamps_ns, positions_m, strict=True)):
+            known = (
+                {"reason": "past"} if position_m is None else dict(zip(("x_m", "y_m", "z_m"), position_m, strict=True))
+            )
+            row = {"frame": frame, "stamp_ns": stamp_ns}
+            rows += [
+                {**row, "stream": "depth", "x_m": 9.0, "y_m": 9.0, "z_m": 9.0},
+                {**row, "stream": "color", **known},
+            ]
+        return self.of(GRIPPER, rows)
+
+
+@pytest.fixture
+def color_tables() -> ColorTables:
+    return ColorTables()

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import pytest
 
+from garment_dataset.bags.rosbag1 import Rosbag1
 from garment_dataset.errors import BagError, DataWarning
 from garment_dataset.stages.decode import STAGE, DecodeParams, decode
 from garment_dataset.tables import CAMERA, FRAMES, GRIPPER, JOINTS
@@ -112,7 +113,7 @@ def test_each_stream_has_its_own_camera(whole: Any) -> None:
 
 
 def test_the_gripper_is_interpolated_to_the_depth_stamps(whole: Any) -> None:
-    gripper = rows(decode(whole.write(), DecodeParams())["gripper"])
+    gripper = rows(decode(whole.write(), DecodeParams())["gripper"], stream="depth")
     assert [(row["frame"], row["stamp_ns"]) for row in gripper] == list(enumerate(STAMPS))
     found = [(row["x_m"], row["y_m"], row["z_m"]) for row in gripper]
     np.testing.assert_allclose(found, [position_m(stamp_ns) for stamp_ns in STAMPS], rtol=0, atol=1e-12)
@@ -129,7 +130,9 @@ def test_without_the_topic_the_gripper_comes_from_tf(recorder: Any, ros: Any) ->
         stamp_ns = START + step * 30_000_000
         recorder.add("/tf", ros.tf(stamp_ns, ("/base", "/gripper_end", position_m(stamp_ns))))
         recorder.add("/tf", ros.tf(stamp_ns + 1, ("/base", "/camera_arm", (0.0, 0.0, 0.0))))
-    gripper = rows(decode(recorder.write(), DecodeParams(gripper_frame="gripper_end"))["gripper"])
+    with pytest.warns(DataWarning, match="no gripper position at 4 of 4 color frames, first at 0: .*tf: "):
+        table = decode(recorder.write(), DecodeParams(gripper_frame="gripper_end"))["gripper"]
+    gripper = rows(table, stream="depth")
     found = [(row["x_m"], row["y_m"], row["z_m"] + 1) for row in gripper]
     np.testing.assert_allclose(found, [position_m(stamp_ns) for stamp_ns in STAMPS], rtol=0, atol=1e-12)
     assert {(row["source"], row["reason"]) for row in gripper} == {("tf", None)}
@@ -141,8 +144,51 @@ def test_no_gripper_is_null_with_its_reason(recorder: Any, ros: Any) -> None:
     recorder.add(JOINT, ros.joints(START, ["a"], [0.0]))
     with pytest.warns(DataWarning, match="no gripper position at 6 of 6 depth frames, first at 0: topic: no usable"):
         gripper = rows(decode(recorder.write(), DecodeParams())["gripper"])
-    assert {row["reason"] for row in gripper} == {"topic: no samples; tf: unknown frame"}
+    assert {(row["stream"], row["reason"]) for row in gripper} == {
+        ("depth", "topic: no samples; tf: unknown frame"),
+        ("color", "not recorded"),
+    }
     assert {row[name] for row in gripper for name in ("x_m", "y_m", "z_m", "source", "gap_ns")} == {None}
+
+
+@pytest.mark.parametrize("source", ["topic", "tf"])
+def test_the_gripper_of_colour_images_is_in_their_own_camera(whole: Any, ros: Any, source: str) -> None:
+    """The colour camera is 25 mm to the right of the depth camera, and its images are 2 ms later."""
+    offset = np.array([0.025, 0.0, 0.0])
+    for step in range(-1, 8):
+        stamp_ns = START + step * 30_000_000
+        if source == "topic":
+            whole.add("/r2_ee_to_rgb", ros.point(stamp_ns, COLOR_OPTICAL, position_m(stamp_ns) - offset))
+        else:
+            whole.add(
+                "/tf", ros.tf(stamp_ns, (OPTICAL, "r2_ee", position_m(stamp_ns)), (OPTICAL, COLOR_OPTICAL, offset))
+            )
+    gripper = rows(decode(whole.write(), DecodeParams())["gripper"], stream="color")
+    stamps_ns = [stamp_ns + 2_000_000 for stamp_ns in STAMPS[:4]]
+    assert [(row["frame"], row["stamp_ns"]) for row in gripper] == list(enumerate(stamps_ns))
+    found = [(row["x_m"], row["y_m"], row["z_m"]) for row in gripper]
+    np.testing.assert_allclose(found, [position_m(stamp_ns) - offset for stamp_ns in stamps_ns], rtol=0, atol=1e-12)
+    assert {(row["source"], row["reason"]) for row in gripper} == {(source, None)}
+
+
+def test_transforms_are_read_once_for_both_cameras(recorder: Any, ros: Any, monkeypatch: pytest.MonkeyPatch) -> None:
+    add_depth(recorder, ros)
+    add_color(recorder, ros)
+    recorder.add(JOINT, ros.joints(START, ["a"], [0.0]))
+    for step in range(-1, 8):
+        links = ((OPTICAL, "r2_ee", (0.0, 0.0, 1.0)), (OPTICAL, COLOR_OPTICAL, (0.0, 0.0, 0.0)))
+        recorder.add("/tf", ros.tf(START + step * 30_000_000, *links))
+    asked: list[tuple[str, ...]] = []
+    messages = Rosbag1.messages
+
+    def counted(bag: Rosbag1, *topics: str) -> Any:
+        asked.append(topics)
+        return messages(bag, *topics)
+
+    monkeypatch.setattr(Rosbag1, "messages", counted)
+    gripper = decode(recorder.write(), DecodeParams())["gripper"]
+    assert gripper["z_m"].to_pylist() == [1.0] * 10
+    assert asked.count(("/tf", "/tf_static")) == 1
 
 
 def test_joints_are_kept_as_recorded(whole: Any) -> None:
@@ -195,8 +241,9 @@ def test_faulty_messages_are_kept_out_counted_and_named(whole: Any, ros: Any) ->
     depth = rows(outputs["frames"], stream="depth")
     assert [row["fault"] is None for row in depth] == [True, True, False, True, False, True]
     assert "32FC3" in depth[4]["fault"]
-    assert [row["frame"] for row in rows(outputs["gripper"])] == [0, 1, 3, 5]
-    assert [row["stamp_ns"] for row in rows(outputs["gripper"])] == [STAMPS[frame] for frame in (0, 1, 3, 5)]
+    gripper = rows(outputs["gripper"], stream="depth")
+    assert [row["frame"] for row in gripper] == [0, 1, 3, 5]
+    assert [row["stamp_ns"] for row in gripper] == [STAMPS[frame] for frame in (0, 1, 3, 5)]
 
 
 def test_a_compressed_image_is_decoded_to_see_whether_it_is_whole(recorder: Any, ros: Any) -> None:
@@ -215,7 +262,9 @@ def test_a_compressed_image_is_decoded_to_see_whether_it_is_whole(recorder: Any,
     assert [row["width_px"] for row in color] == [8, 8, 8, None, 8, 8]
     depth = rows(outputs["frames"], stream="depth", fault=None)
     assert {(row["width_px"], row["height_px"], row["offset_bytes"]) for row in depth} == {(8, 6, None)}
-    assert rows(outputs["gripper"], source="topic") == rows(outputs["gripper"])
+    gripper = rows(outputs["gripper"], stream="depth")
+    assert rows(outputs["gripper"], source="topic") == gripper
+    assert len(gripper) == 6
 
 
 @pytest.mark.parametrize(
@@ -229,7 +278,8 @@ def test_one_stream_may_be_missing(recorder: Any, ros: Any, add: Any, missing: s
     with pytest.warns(DataWarning, match=f"images, {missing} is missing"):
         outputs = decode(recorder.write(), DecodeParams())
     assert set(outputs["frames"]["stream"].to_pylist()) == set(outputs["camera"]["stream"].to_pylist()) == streams
-    assert outputs["gripper"].num_rows == (6 if streams == {"depth"} else 0)
+    assert set(outputs["gripper"]["stream"].to_pylist()) == streams
+    assert outputs["gripper"].num_rows == (6 if streams == {"depth"} else 4)
 
 
 def test_a_bag_without_images_is_refused(recorder: Any, ros: Any) -> None:
@@ -288,7 +338,8 @@ def test_the_camera_frame_may_be_that_of_the_images(recorder: Any, ros: Any) -> 
     add_color(recorder, ros)
     recorder.add(JOINT, ros.joints(START, ["a"], [0.0]))
     path = recorder.write()
-    gripper = rows(decode(path, DecodeParams(camera_frame=""))["gripper"])
+    with pytest.warns(DataWarning, match="4 of 4 color frames"):
+        gripper = rows(decode(path, DecodeParams(camera_frame=""))["gripper"], stream="depth")
     assert {(row["z_m"], row["source"]) for row in gripper} == {(1.0, "tf")}
     with pytest.warns(DataWarning) as caught:
         decode(path, DecodeParams())

@@ -1,0 +1,132 @@
+"""Model the empty scene of a camera position from frames without a garment: thesis 5.2.1."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from pydantic import Field
+
+from garment_dataset.engine.stage import Stage, StageParams
+from garment_dataset.errors import BagError
+from garment_dataset.tables import BACKGROUND
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import numpy as np
+    import pyarrow as pa
+    from numpy.typing import NDArray
+
+    from garment_dataset.vision.background import Background
+
+
+class BackgroundParams(StageParams):
+    """Which frames show the empty scene; a row of catalog/backgrounds.csv overrides the interval."""
+
+    color_topic: str = Field(
+        default="/xtion1/rgb/image_raw", description="colour images, or their compressed variant, below this name"
+    )
+    from_s: float | None = Field(default=None, ge=0, description="begin, after the first colour stamp; null: the first")
+    to_s: float | None = Field(
+        default=None, gt=0, description="end, which does not belong to it, after the first colour stamp; null: the last"
+    )
+
+
+def background(bag: Path, frames: pa.Table, params: BackgroundParams) -> dict[str, pa.Table]:
+    """Take mean and standard deviation of every pixel and channel, in one pass.
+
+    Parameters
+    ----------
+    bag : Path
+        The recording that shows the empty scene.
+    frames : pyarrow.Table
+        As ``decode`` made it of that recording.
+    params : BackgroundParams
+        See there.
+
+    Returns
+    -------
+    dict of str to pyarrow.Table
+        ``background``: one row per row of the image; thesis eqs. (5.1) and (5.2).
+
+    Raises
+    ------
+    BagError
+        If the bag has no colour images, or fewer than two in the interval, or of unequal sizes.
+    """
+    from garment_dataset.bags import open_bag
+    from garment_dataset.vision.background import BackgroundAccumulator
+
+    wanted = _frames_within(frames, params)
+    if len(wanted) < 2:
+        begin_s, end = params.from_s or 0.0, "its end" if params.to_s is None else f"{params.to_s:g} s"
+        raise BagError(
+            "too few frames of the empty scene",
+            where=bag.name,
+            expected=f"at least 2 usable colour frames from {begin_s:g} s to {end}",
+            found=len(wanted),
+        )
+    accumulator = BackgroundAccumulator()
+    with open_bag(bag) as opened:
+        if (topic := opened.image_topic(params.color_topic)) is None:
+            found = ", ".join(opened.topics)
+            raise BagError("no colour images", where=bag.name, expected=params.color_topic, found=found)
+        for image in opened.images(topic, "color"):
+            if image.index in wanted:
+                accumulator.add(image.pixels())
+    model = accumulator.finish()
+    height_px = len(model.mean)
+    return {
+        "background": BACKGROUND.build(
+            {
+                "v_px": range(height_px),
+                "frame_count": [model.count] * height_px,
+                "mean": _by_row(model.mean),
+                "std": _by_row(model.std),
+            }
+        )
+    }
+
+
+def background_model(table: pa.Table) -> Background:
+    """Return what the table ``background`` holds.
+
+    Parameters
+    ----------
+    table : pyarrow.Table
+        As :func:`background` made it.
+    """
+    import pyarrow.compute as pc
+
+    from garment_dataset.vision.background import Background
+
+    height_px = table.num_rows
+    mean, std = (pc.list_flatten(table[name]).to_numpy().reshape(height_px, -1, 3) for name in ("mean", "std"))
+    return Background(mean, std, table["frame_count"][0].as_py())
+
+
+def _frames_within(frames: pa.Table, params: BackgroundParams) -> set[int]:
+    """Return the usable colour frames of the interval."""
+    rows = zip(*(frames[name].to_pylist() for name in ("stream", "frame", "stamp_ns", "fault")), strict=True)
+    stamps_ns = {frame: stamp_ns for stream, frame, stamp_ns, fault in rows if stream == "color" and fault is None}
+    if not stamps_ns:
+        return set()
+    first_ns = min(stamps_ns.values())
+    begin_ns = first_ns + round((params.from_s or 0.0) * 1e9)
+    end_ns = None if params.to_s is None else first_ns + round(params.to_s * 1e9)
+    return {
+        frame for frame, stamp_ns in stamps_ns.items() if begin_ns <= stamp_ns and (end_ns is None or stamp_ns < end_ns)
+    }
+
+
+def _by_row(values: NDArray[np.float64]) -> pa.Array[Any]:
+    """Return an image as lists, one per row, the channels of a pixel together."""
+    import numpy as np
+    import pyarrow as pa
+
+    height_px, width_px, channels = values.shape
+    ends = np.arange(height_px + 1, dtype=np.int32) * (width_px * channels)
+    return pa.ListArray.from_arrays(pa.array(ends), pa.array(values.ravel()))
+
+
+STAGE = Stage(background, params=BackgroundParams, outputs=(BACKGROUND,), per="background")

@@ -1,0 +1,276 @@
+"""Find the garment before the background in every colour frame, and its axes: thesis 5.2.1 and 5.2.2."""
+
+from __future__ import annotations
+
+import math
+import warnings
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, Literal
+
+from pydantic import Field, model_validator
+
+from garment_dataset.engine.stage import Stage, StageParams
+from garment_dataset.errors import BagError, DataWarning
+from garment_dataset.stages.background import background_model
+from garment_dataset.tables import SILHOUETTES
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
+    from typing import Self
+
+    import numpy as np
+    import pyarrow as pa
+    from numpy.typing import NDArray
+
+    from garment_dataset.vision.background import Background
+    from garment_dataset.vision.silhouette import BackgroundSubtractor
+
+    Row = dict[str, Any]
+
+Reason = Literal["no_gripper", "image_size", "no_garment"]
+"""Why a frame has no mask.
+
+``no_gripper``: its end point is not known at this frame, so that the arm could not be told from the garment.
+``image_size``: the image is not of the background's size. ``no_garment``: nothing differs from the background, or
+nothing as large as ``open_px`` and ``min_area_px2`` ask.
+"""
+
+
+class SilhouetteParams(StageParams):
+    """What counts as garment."""
+
+    color_topic: str = Field(
+        default="/xtion1/rgb/image_raw", description="colour images, or their compressed variant, below this name"
+    )
+    alpha: float = Field(
+        default=2.0, gt=1, description="difference from the background, in standard deviations, eq. (5.3)"
+    )
+    min_sigma: float = Field(
+        default=2.0,
+        ge=0,
+        description="smallest standard deviation to assume, in grey levels: a saturated pixel shows none",
+    )
+    open_px: int = Field(default=3, ge=1, description="odd side of the square that opens; thinner parts are lost")
+    close_px: int = Field(default=9, ge=1, description="odd side of the square that closes; narrower gaps are filled")
+    min_area_px2: int = Field(
+        default=100,
+        ge=1,
+        description="smaller regions are no garment: noise makes some of up to 30; a garment seen edge-on has 1500",
+    )
+    edge: Literal["half_contrast", "threshold"] = Field(
+        default="half_contrast",
+        description="half_contrast: where a pixel is half garment, half background; threshold: the thesis' mask",
+    )
+    drift: bool = Field(
+        default=True, description="allow for a change of the whole picture's brightness: exposure and white balance"
+    )
+    clip: Literal["auto", "none"] = Field(
+        default="auto",
+        description="where a garment can be: auto: before the largest monochrome part of the background; "
+        "none: anywhere; clip_polygon overrides",
+    )
+    clip_polygon: tuple[tuple[float, float], ...] = Field(
+        default=(), description="corners [u, v] of where a garment can be; `garment mask` suggests them"
+    )
+    remove_gripper: bool = Field(
+        default=True, description="remove what is above the gripper's end point, and its surroundings"
+    )
+    gripper_radius_m: float = Field(
+        default=0.01, ge=0, description="radius around the gripper's end point that is removed with it"
+    )
+
+    @model_validator(mode="after")
+    def _shapes_exist(self) -> Self:
+        if self.open_px % 2 == 0 or self.close_px % 2 == 0:
+            raise ValueError("open_px and close_px must be odd")
+        if 0 < len(self.clip_polygon) < 3:
+            raise ValueError("clip_polygon must have at least three corners")
+        return self
+
+
+@dataclass(frozen=True, slots=True)
+class _Gripper:
+    """The end point in the image, and how many pixels a metre is there."""
+
+    u_px: float
+    v_px: float
+    px_per_m: float
+
+
+def silhouette(
+    bag: Path, frames: pa.Table, camera: pa.Table, gripper: pa.Table, background: pa.Table, params: SilhouetteParams
+) -> dict[str, pa.Table]:
+    """Find the garment in every usable colour frame.
+
+    Parameters
+    ----------
+    bag : Path
+        The recording.
+    frames, camera, gripper : pyarrow.Table
+        As ``decode`` made them; rows are matched by the index of the image.
+    background : pyarrow.Table
+        Of the camera position.
+    params : SilhouetteParams
+        See there.
+
+    Returns
+    -------
+    dict of str to pyarrow.Table
+        ``silhouettes``: one row per usable colour frame, null with a reason where no garment was found.
+
+    Raises
+    ------
+    BagError
+        If the bag has no such topic, or the colour images no camera though the gripper is to be removed.
+
+    Warns
+    -----
+    DataWarning
+        Of frames without a known gripper.
+    """
+    from garment_dataset.bags import open_bag
+
+    model = background_model(background)
+    subtractor = _subtractor(model, params)
+    stamps_ns = _usable_stamps_ns(frames)
+    grippers = _grippers(bag, camera, gripper) if params.remove_gripper else {}
+    rows: list[Row] = []
+    with open_bag(bag) as opened:
+        if (topic := opened.image_topic(params.color_topic)) is None:
+            found = ", ".join(opened.topics)
+            raise BagError("no colour images", where=bag.name, expected=params.color_topic, found=found)
+        for image in opened.images(topic, "color"):
+            if image.index in stamps_ns:
+                held = grippers.get(image.index)
+                found_row = _measure(image.pixels(), model, subtractor, held, params)
+                rows.append({"frame": image.index, "stamp_ns": stamps_ns[image.index], **found_row})
+    if unknown := [row["frame"] for row in rows if row.get("reason") == "no_gripper"]:
+        text = f"{bag.name}: the gripper is not known in {len(unknown)} of {len(rows)} colour frames"
+        warnings.warn(f"{text}, first in frame {unknown[0]}; they have no silhouette", DataWarning, stacklevel=2)
+    names = [column.name for column in SILHOUETTES.columns]
+    return {"silhouettes": SILHOUETTES.build({name: [row.get(name) for row in rows] for name in names})}
+
+
+def _subtractor(model: Background, params: SilhouetteParams) -> BackgroundSubtractor:
+    from garment_dataset.vision.masks import polygon_mask, suggest_clip_mask
+    from garment_dataset.vision.silhouette import BackgroundSubtractor
+
+    clip: NDArray[np.bool_] | None = None
+    if params.clip_polygon:
+        clip = polygon_mask(params.clip_polygon, *model.mean.shape[:2])
+    elif params.clip == "auto" and not (clip := suggest_clip_mask(model)).any():
+        clip = None  # nothing is monochrome: nothing speaks for one place against another
+    return BackgroundSubtractor(
+        model,
+        clip,
+        alpha=params.alpha,
+        min_sigma=params.min_sigma,
+        open_px=params.open_px,
+        close_px=params.close_px,
+        edge=params.edge,
+    )
+
+
+def _measure(
+    pixels: NDArray[np.uint8],
+    model: Background,
+    subtractor: BackgroundSubtractor,
+    held: _Gripper | None,
+    params: SilhouetteParams,
+) -> Row:
+    """Return what one frame shows, or why it shows nothing."""
+    import numpy as np
+
+    if pixels.shape != model.mean.shape:
+        return {"reason": "image_size"}
+    if params.remove_gripper and held is None:
+        return {"reason": "no_gripper"}
+    row: Row = {} if held is None else {"gripper_u_px": held.u_px, "gripper_v_px": held.v_px}
+    drift = subtractor.drift(pixels) if params.drift else None
+    if drift is not None and np.isnan(drift).any():
+        drift = None
+    if drift is not None:
+        row |= dict(zip(("drift_r", "drift_g", "drift_b"), drift.tolist(), strict=True))
+    mask = subtractor.silhouette(
+        pixels,
+        drift=drift,
+        top_v_px=None if held is None else held.v_px,
+        gripper=None if held is None else _surroundings(held, pixels.shape[:2], params.gripper_radius_m),
+    )
+    found = describe_mask(mask)
+    return {**row, **(found if found.get("area_px2", 0) >= params.min_area_px2 else {"reason": "no_garment"})}
+
+
+def describe_mask(mask: NDArray[np.bool_]) -> Row:
+    """Return the columns of ``silhouettes`` that a mask decides.
+
+    Parameters
+    ----------
+    mask : (H, W) bool
+        One 8-connected region, or none.
+    """
+    from garment_dataset.vision.axes import region_axes
+    from garment_dataset.vision.masks import borders, encode_mask
+
+    if not mask.any():
+        return {"reason": "no_garment"}
+    axes = region_axes(mask)
+    outline = borders(mask)[0]
+    (first_u, first_v), (last_u, last_v) = outline.min(axis=0).tolist(), outline.max(axis=0).tolist()
+    return {
+        "mask": encode_mask(mask),
+        "area_px2": axes.area_px,
+        "centroid_u_px": axes.centroid_u_px,
+        "centroid_v_px": axes.centroid_v_px,
+        "major_px": axes.major_px,
+        "minor_px": axes.minor_px,
+        "orientation_rad": axes.orientation_rad,
+        "box_u_px": first_u,
+        "box_v_px": first_v,
+        "box_width_px": last_u - first_u + 1,
+        "box_height_px": last_v - first_v + 1,
+        "outline_u_px": outline[:, 0],
+        "outline_v_px": outline[:, 1],
+    }
+
+
+def _surroundings(held: _Gripper, shape: tuple[int, ...], radius_m: float) -> NDArray[np.bool_] | None:
+    """Return the disc around the end point; None when it is empty."""
+    import numpy as np
+
+    if radius_m == 0:
+        return None
+    disc = np.zeros(shape, np.bool_)
+    radius_px = radius_m * held.px_per_m
+    first_v, first_u = (max(0, math.floor(middle - radius_px)) for middle in (held.v_px, held.u_px))
+    box = disc[
+        first_v : max(0, math.ceil(held.v_px + radius_px) + 1), first_u : max(0, math.ceil(held.u_px + radius_px) + 1)
+    ]
+    v_px, u_px = np.ogrid[first_v : first_v + box.shape[0], first_u : first_u + box.shape[1]]
+    box[...] = (u_px - held.u_px) ** 2 + (v_px - held.v_px) ** 2 <= radius_px**2
+    return disc
+
+
+def _usable_stamps_ns(frames: pa.Table) -> dict[int, int]:
+    """Return the stamp of every usable colour frame, by its index."""
+    rows = zip(*(frames[name].to_pylist() for name in ("stream", "frame", "stamp_ns", "fault")), strict=True)
+    return {frame: stamp_ns for stream, frame, stamp_ns, fault in rows if stream == "color" and fault is None}
+
+
+def _grippers(bag: Path, camera: pa.Table, gripper: pa.Table) -> Mapping[int, _Gripper]:
+    """Project the end point into every colour frame in which it is known and before the camera: eq. (5.6)."""
+    k = next((row for row in camera.to_pylist() if row["stream"] == "color"), None)
+    if k is None:
+        hint = "Calibrate it, or set remove_gripper = false under [params.silhouette]."
+        raise BagError("no camera for the colour images, so the gripper cannot be removed", where=bag.name, hint=hint)
+    names = ("stream", "frame", "x_m", "y_m", "z_m")
+    found: dict[int, _Gripper] = {}
+    for stream, frame, x, y, z in zip(*(gripper[name].to_pylist() for name in names), strict=True):
+        if stream == "color" and None not in {x, y, z} and z > 0:
+            u_px, v_px = k["fx_px"] * x / z + k["cx_px"], k["fy_px"] * y / z + k["cy_px"]
+            found[frame] = _Gripper(u_px, v_px, k["fy_px"] / z)
+    return found
+
+
+STAGE = Stage(silhouette, params=SilhouetteParams, outputs=(SILHOUETTES,))
