@@ -7,10 +7,9 @@ import warnings
 
 import typer
 
-from garment_dataset.cli import build, catalog, mask, score, workspace
+from garment_dataset.cli import build, catalog, mask, score, simulate, workspace
 from garment_dataset.cli.output import say, show_warning
 from garment_dataset.errors import GarmentError
-from garment_dataset.simulate.command import simulate
 
 app = typer.Typer(
     name="garment",
@@ -29,7 +28,7 @@ app.command("status")(build.status)
 app.command("why")(build.why)
 app.command("dag")(build.dag)
 app.command("mask")(mask.mask)
-app.command("simulate")(simulate)
+app.command("simulate")(simulate.simulate)
 app.command("score")(score.score)
 
 

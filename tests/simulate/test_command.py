@@ -10,8 +10,9 @@ import pytest
 import typer
 from typer.testing import CliRunner
 
+from garment_dataset.cli.simulate import simulate
 from garment_dataset.errors import GarmentError, MissingExtraError
-from garment_dataset.simulate.command import DEMO, Order, forecast, names_of, simulate
+from garment_dataset.simulate.orders import DEMO, Order, forecast, names_of
 from garment_dataset.simulate.physics import import_mujoco
 
 
@@ -84,7 +85,7 @@ def test_without_mujoco_the_error_names_the_extra(monkeypatch: pytest.MonkeyPatc
 
 def test_importing_the_command_is_light() -> None:
     code = (
-        "import sys, garment_dataset.simulate.command\n"
+        "import sys, garment_dataset.simulate.orders, garment_dataset.cli.simulate\n"
         "print([name for name in ('numpy', 'cv2', 'pandas', 'pyarrow', 'rosbags', 'mujoco') if name in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)

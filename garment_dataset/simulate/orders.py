@@ -1,23 +1,19 @@
-"""``garment simulate``: recordings with truth, chosen by name or by set."""
+"""Recordings to be simulated: chosen by name or by set, what they take, and their making in parallel."""
 
 from __future__ import annotations
 
 import os
-import time
 from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
-
-import typer
+from typing import TYPE_CHECKING, Literal
 
 from garment_dataset.catalog import Catalog
 from garment_dataset.errors import GarmentError
 from garment_dataset.names import BackgroundName, parse_bag_name
-from garment_dataset.workspace import Workspace
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
+    from pathlib import Path
 
 DEMO = (
     "GreenTowel_Ruler_01_pi16_0.5_R1",
@@ -117,36 +113,6 @@ def names_of(names: Sequence[str], set_name: str | None) -> list[str]:
     if not chosen:
         raise GarmentError("nothing to simulate", expected="names, or --set thesis or --set demo")
     return list(dict.fromkeys(str(parse_bag_name(name)) for name in chosen))
-
-
-def simulate(
-    names: Annotated[list[str] | None, typer.Argument(help="Names of recordings or of empty scenes.")] = None,
-    set_name: Annotated[
-        Literal["thesis", "demo"] | None, typer.Option("--set", help="All names of the thesis, or a few for a demo.")
-    ] = None,
-    out: Annotated[
-        Path | None, typer.Option(help="Folder for the bags and their truth; by default the workspace's recordings.")
-    ] = None,
-    seed: Annotated[int, typer.Option(min=0, help="Equal seeds give equal bytes.")] = 0,
-    noise: Annotated[Literal["none", "xtion"], typer.Option(help="Exact images, or such a sensor's.")] = "xtion",
-    scale: Annotated[Literal["full", "small"], typer.Option(help="small: coarser cloth, shorter recordings.")] = "full",
-    frames: Annotated[int | None, typer.Option(min=1, help="Most frames per stream.")] = None,
-    compression: Annotated[Literal["none", "lz4", "bz2"], typer.Option(help="Of the bags' chunks.")] = "none",
-    jobs: Annotated[int | None, typer.Option(min=1, help="Processes; by default one per processor.")] = None,
-) -> None:
-    """Write simulated recordings, with the truth beside them."""
-    from garment_dataset.simulate.physics import import_mujoco
-
-    folder = Workspace.find().recordings_dir if out is None else out
-    orders = [Order(name, folder, seed, noise, scale, compression, frames) for name in names_of(names or [], set_name)]
-    if any(not order.name.startswith("camera_default") for order in orders):
-        import_mujoco()
-    workers = min(jobs or os.cpu_count() or 1, len(orders))
-    typer.echo(forecast(orders, workers), err=True)
-    began = time.monotonic()
-    for done, path in enumerate(run_orders(orders, workers), start=1):
-        elapsed_s = time.monotonic() - began
-        typer.echo(f"[{done}/{len(orders)}] {path} ({path.stat().st_size / 1e6:.0f} MB, {elapsed_s:.0f} s)", err=True)
 
 
 def forecast(orders: Sequence[Order], workers: int) -> str:
