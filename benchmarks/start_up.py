@@ -45,6 +45,7 @@ def main() -> None:
         bag = write_recording(Path(folder) / "small.bag", frames=6)
         for row in workspace.catalog().rows:
             (workspace.recordings_dir / f"{row.recording}.bag").hardlink_to(bag)
+        (workspace.recordings_dir / "camera_default_0.bag").hardlink_to(bag)
         run(["build"], workspace.root)
         commands = {
             "bare typer + pydantic command": ["-c", BARE],

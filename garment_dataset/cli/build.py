@@ -53,10 +53,8 @@ def build(
         if dry_run:
             _show_plan(plan, session, as_json=as_json)
             return
-        if plan.is_fresh and not force:
-            if as_json:
-                print_json({"counts": {"fresh": len(session.graph)}, "events": []})
-            say(f"nothing to do: all {_results(len(session.graph))} of {_recordings(session)} are fresh")
+        if {decision.state.value for decision in plan} <= {"fresh", "blocked"} and not force:
+            _say_idle(plan, session, as_json=as_json)
             return
         from garment_dataset.cli.progress import progress
 
@@ -214,6 +212,23 @@ def _grouped(reason: Reason) -> str:
     return f"upstream {reason.name.partition(':')[0]}: {reason.new}" if reason.kind == "upstream" else str(reason)
 
 
+def _say_idle(plan: Plan, session: Session, *, as_json: bool) -> None:
+    """Say that nothing is to be run: without the parts of the engine that run something."""
+    counts = {state.value: count for state, count in plan.counts().items() if count}
+    if as_json:
+        print_json({"counts": counts, "events": []})
+    if plan.is_fresh:
+        say(f"nothing to do: all {_results(len(session.graph))} of {_recordings(session)} are fresh")
+        return
+    _say_blocked(session)
+    say("nothing to do: " + ", ".join(f"{count} {state}" for state, count in counts.items()))
+
+
+def _say_blocked(session: Session) -> None:
+    for message in dict.fromkeys(node.blocked for node in session.graph if node.blocked is not None):
+        say(f"blocked: {message}")
+
+
 def _summarise(report: Report, session: Session, *, as_json: bool) -> None:
     from garment_dataset.engine.run import Ending
 
@@ -236,9 +251,7 @@ def _summarise(report: Report, session: Session, *, as_json: bool) -> None:
         for event in failures:
             say(f"  {event.node}: {event.message}")
         say("`garment why NAME` shows where; `garment build --failed` tries again")
-    missing = dict.fromkeys(node.blocked for node in session.graph if node.blocked is not None)
-    for message in missing:
-        say(f"blocked: {message}")
+    _say_blocked(session)
     say(", ".join(f"{count} {name}" for name, count in counts.items() if count))
     if report.of(Ending.BUILT) or report.of(Ending.LINKED):
         say(f"results: {session.workspace.features_dir}")

@@ -29,7 +29,13 @@ def progress(total: int) -> Iterator[Callable[[Event], None]]:
         with _bar(total) as tell:
             yield tell
     else:
-        yield lambda event: say(line(event))
+        yield _say_line
+
+
+def _say_line(event: Event) -> None:
+    """Print an ending; what was blocked is said once, at the end, with the reason."""
+    if event.ending is not Ending.BLOCKED:
+        say(line(event))
 
 
 def line(event: Event) -> str:
