@@ -9,6 +9,7 @@ from garment_dataset.engine.codebase.modules import External, ModuleRef, Symbol
 from garment_dataset.engine.codebase.references import CALLED, CHANGED, GIVEN, HELD, METHOD, READ
 from garment_dataset.engine.codebase.rules import MODULE_FUNCTIONS, REFUSED_ATTRIBUTES, module_as_value
 from garment_dataset.engine.codebase.statements import CHANGING_METHODS
+from garment_dataset.engine.codebase.values import last_name
 from garment_dataset.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
@@ -95,7 +96,7 @@ def _refuse_write_to_module(writer: Writer, node: ast.Attribute) -> None:
 def _subscript(writer: Writer, node: ast.Subscript, role: int) -> None:
     writer.out.append("(Subscript")
     writer.field("value", node.value, role if isinstance(node.ctx, ast.Load) else CHANGED)
-    special = _last_name(node.value) if writer.names.is_annotation else None
+    special = last_name(node.value) if writer.names.is_annotation else None
     if special in {"Literal", "Annotated"}:
         _values(writer, node.slice, types=1 if special == "Annotated" else 0)
     else:
@@ -110,14 +111,6 @@ def _values(writer: Writer, node: ast.expr, *, types: int) -> None:
     writer.names.is_annotation = False
     writer.field("values", elements[types:], READ)
     writer.names.is_annotation = True
-
-
-def _last_name(node: ast.expr) -> str | None:
-    match node:
-        case ast.Name(id=name) | ast.Attribute(attr=name):
-            return name
-        case _:
-            return None
 
 
 def _call(writer: Writer, node: ast.Call, role: int) -> None:

@@ -148,9 +148,9 @@ class Values:
 def _is_frozen_class(node: ast.stmt) -> bool:
     if not isinstance(node, ast.ClassDef):
         return False
-    return any(_last_name(base) in _FROZEN_BASES for base in node.bases) or any(
+    return any(last_name(base) in _FROZEN_BASES for base in node.bases) or any(
         isinstance(each, ast.Call)
-        and _last_name(each.func) == "dataclass"
+        and last_name(each.func) == "dataclass"
         and any(
             word.arg == "frozen" and isinstance(word.value, ast.Constant) and word.value.value is True
             for word in each.keywords
@@ -159,7 +159,8 @@ def _is_frozen_class(node: ast.stmt) -> bool:
     )
 
 
-def _last_name(node: ast.expr) -> str | None:
+def last_name(node: ast.expr) -> str | None:
+    """Return the name, or the last name of a dotted one; None for any other expression."""
     match node:
         case ast.Name(id=name) | ast.Attribute(attr=name):
             return name
