@@ -8,9 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from garment_dataset.cli.output import JsonOption, WorkspaceOption, print_json, say
-from garment_dataset.errors import StoreError
+from garment_dataset.errors import GarmentError, StoreError, WorkspaceError
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from garment_dataset.vision.background import Background
     from garment_dataset.workspace import Workspace
 
@@ -20,20 +23,26 @@ def mask(
         int | None,
         typer.Option(min=1, help="Camera position: the number behind the axis, 1 in _B1. [default: if there is one]"),
     ] = None,
+    drawn: Annotated[
+        Path | None,
+        typer.Option(
+            "--from", help="Take the region from a picture of the image's size: white where a garment may be."
+        ),
+    ] = None,
     save: Annotated[Path | None, typer.Option("--save", help="Draw it, too: a .png, .svg or .pdf file.")] = None,
     workspace: WorkspaceOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Suggest a clipping polygon from where the background is not monochrome, as lines for a pipeline file."""
-    from garment_dataset.vision.masks import polygon_mask, suggest_clip_mask
+    from garment_dataset.vision.masks import polygon_mask
     from garment_dataset.vision.polygons import polygon_of
     from garment_dataset.workspace import Workspace
 
     place = Workspace.find(workspace)
     number, model = _background(place, position)
-    polygon = polygon_of(suggest_clip_mask(model))
+    polygon = polygon_of(_region(model, drawn))
     if len(polygon) < 3:
-        raise StoreError("no part of the background is monochrome", where=f"position_{number}")
+        raise StoreError("no region to clip to", where=drawn or f"position_{number}", expected="a monochrome part")
     clip = polygon_mask(polygon, *model.mean.shape[:2])
     if as_json:
         print_json({"position": number, "clip_polygon": polygon, "share": clip.mean()})
@@ -49,6 +58,24 @@ def mask(
         draw_clip(figure, model.mean, clip, polygon)
         figure.savefig(save, dpi=110)
         say(f"wrote {save}")
+
+
+def _region(model: Background, drawn: Path | None) -> NDArray[np.bool_]:
+    """Return where a garment may be: as a person drew it, or where the background is monochrome."""
+    from garment_dataset.vision.masks import decode_mask, suggest_clip_mask
+
+    if drawn is None:
+        return suggest_clip_mask(model)
+    try:
+        region = decode_mask(drawn.read_bytes())
+    except (OSError, GarmentError) as error:
+        raise WorkspaceError("not a picture", where=drawn, found=error) from error
+    if region.shape != model.mean.shape[:2]:
+        size = "{1} x {0} px".format
+        raise WorkspaceError(
+            "not of the image's size", where=drawn, expected=size(*model.mean.shape), found=size(*region.shape)
+        )
+    return region
 
 
 def _background(place: Workspace, position: int | None) -> tuple[int, Background]:

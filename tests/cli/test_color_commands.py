@@ -7,6 +7,7 @@ import tomllib
 from typing import TYPE_CHECKING
 
 import cv2
+import numpy as np
 import pytest
 
 from garment_dataset.features import load_features
@@ -53,6 +54,23 @@ def test_a_polygon_is_suggested_for_a_pipeline_file(color_workspace: Workspace, 
     garment("build", FIRST, cwd=where)
     found = load_features("silhouettes", folder=color_workspace.features_dir, recording=FIRST)
     assert found["reason"].isna().all()
+
+
+def test_a_polygon_is_taken_from_a_drawn_picture(color_workspace: Workspace, garment: Garment) -> None:
+    where = color_workspace.root
+    garment("build", "--stage", "background", cwd=where)
+    background = load_features("background", folder=color_workspace.features_dir, recording="camera_default_0")
+    height_px, width_px = len(background), len(background["mean"].iloc[0]) // 3
+    drawn = np.zeros((height_px, width_px), np.uint8)
+    drawn[10:41, 20:61] = 255
+    cv2.imwrite(str(where / "drawn.png"), drawn)
+    ran = garment("mask", "--position", "1", "--from", "drawn.png", "--json", cwd=where)
+    corners = {tuple(corner) for corner in json.loads(ran.out)["clip_polygon"]}
+    assert corners == {(20, 10), (20, 40), (60, 40), (60, 10)}
+    cv2.imwrite(str(where / "small.png"), drawn[:-1])
+    wrong = garment("mask", "--position", "1", "--from", "small.png", code=2, cwd=where).err
+    assert f"expected {width_px} x {height_px} px, found {width_px} x {height_px - 1} px" in wrong
+    assert "not a picture" in garment("mask", "--position", "1", "--from", "none.png", code=2, cwd=where).err
 
 
 @pytest.mark.parametrize("frame", [0, 5])
