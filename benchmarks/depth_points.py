@@ -1,7 +1,8 @@
 """Points from depth images: the package beside plain numpy on the full cloud, in one run on the same frames.
 
 The peer back-projects every pixel in float64, masks the cloud by the conditions of thesis 5.3.3 and 5.3.4, and averages
-window by window. Both must give the same points. Only the ratio counts: milliseconds depend on the machine.
+window by window. Both must give the same points. The default method, ``profile``, is timed beside them. Only ratios
+count: milliseconds depend on the machine.
 
     python benchmarks/depth_points.py
 """
@@ -14,7 +15,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from garment_dataset.stages.depth_points import DepthPointsParams, trace_garment
+from garment_dataset.stages.depth_points import DepthPointsParams
+from garment_dataset.stages.depth_traces import trace_garment, trace_profiles
 from garment_dataset.vision.cloud import Intrinsics
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
 CAMERA = Intrinsics(fx_px=570.3, fy_px=570.3, cx_px=319.5, cy_px=239.5)
 GRIPPER_M = (0.01, -0.25, 1.065)
 LENGTH_M = 0.64
-PARAMS = DepthPointsParams()
+PARAMS = DepthPointsParams(method="thesis")
 
 
 def swinging_cloth(frame: int, rng: np.random.Generator) -> NDArray[np.uint16]:
@@ -70,6 +72,12 @@ def package_points_m(depth_mm: NDArray[np.uint16], gripper_m: Point) -> FloatArr
     return points.position_m
 
 
+def profile_points(images: list[NDArray[np.uint16]]) -> None:
+    """Trace all frames by the default method, as one recording."""
+    stamps_ns = {frame: 33_000_000 * frame for frame in range(len(images))}
+    trace_profiles(list(enumerate(images)), stamps_ns, CAMERA, dict.fromkeys(stamps_ns, GRIPPER_M), DepthPointsParams())
+
+
 def main() -> None:
     """Time both on the same frames, in turns and in processor time, and compare what they give."""
     parser = argparse.ArgumentParser(description=__doc__.split("\n", maxsplit=1)[0] if __doc__ else None)
@@ -87,9 +95,14 @@ def main() -> None:
                 points_m(depth_mm, GRIPPER_M)
             seconds[name].append((time.process_time() - start) / len(images))
 
+    profiles_s = []
+    for _ in range(options.rounds):
+        start = time.process_time()
+        profile_points(images)
+        profiles_s.append((time.process_time() - start) / len(images))
     differences_m = [np.abs(package_points_m(image, GRIPPER_M) - plain_points_m(image, GRIPPER_M)) for image in images]
     print(f"{len(images)} frames, {options.rounds} rounds in turns; largest difference {np.max(differences_m):.1e} m")
-    for name, taken_s in seconds.items():
+    for name, taken_s in {**seconds, "profile": profiles_s}.items():
         median_s = float(np.median(taken_s))
         print(
             f"{name:12} {median_s * 1e6:8.0f} us per frame (best {min(taken_s) * 1e6:.0f}) {1 / median_s:8.0f} frames/s"

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import warnings
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
 from garment_dataset.engine.stage import Stage, StageParams
 from garment_dataset.errors import BagError, DataWarning
+from garment_dataset.stages.depth_traces import Trace, trace_garment, trace_profiles
 from garment_dataset.tables import CHAINS, POINTS
 
 if TYPE_CHECKING:
@@ -20,22 +21,18 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from numpy.typing import NDArray
 
-    from garment_dataset.vision.chain import Chain, ChainPoints
+    from garment_dataset.bags import Bag
     from garment_dataset.vision.cloud import Intrinsics, Point
-
-Reason = Literal["no_gripper", "image_size", "no_pixels", "few_pixels", "gap", "short"]
-"""Why a frame has no points.
-
-``no_gripper``: its end point is not known at this frame. ``image_size``: the image is not of the size that K is for.
-``no_pixels``: none in the band and strip below the gripper. ``few_pixels``: no window with ``min_pixels``. ``gap``: too
-long a gap right below the gripper. ``short``: a segment of the garment would be shorter than a window is high.
-"""
 
 
 class DepthPointsParams(StageParams):
     """Where the garment can be, how it is sampled, and how many points it gets."""
 
-    method: Literal["thesis"] = Field(default="thesis", description="thesis: means over windows, eqs. (5.6) to (5.11)")
+    method: Literal["profile", "thesis"] = Field(
+        default="profile",
+        description="thesis: means over windows, eqs. (5.6) to (5.11), each frame alone. profile: planes fitted to the "
+        "inverse depth around the plane x = x_gripper, smoothed over time; docs/accuracy.md compares them",
+    )
     depth_topic: str = Field(default="/xtion1/depth/image_raw", description="depth images, or their compressed variant")
     band_half_width_m: float = Field(
         default=0.27,
@@ -46,31 +43,58 @@ class DepthPointsParams(StageParams):
     strip_half_width_m: float = Field(
         default=0.02,
         gt=0,
-        description="x from the gripper's that is kept, eq. (5.9): some 20 columns, narrow enough for cloth to be flat",
+        description="thesis: x from the gripper's that is kept, eq. (5.9): some 20 columns, narrow enough for cloth to "
+        "be flat",
     )
     sample_step_m: float = Field(default=0.0025, gt=0, description="distance of samples along y: the thesis' raster")
     window_half_height_m: float = Field(
-        default=0.005, gt=0, description="y from a sample's that it averages: the thesis' 5 mm"
+        default=0.005, gt=0, description="thesis: y from a sample's that it averages, 5 mm"
     )
     point_count: int = Field(default=5, ge=1, description="points on the garment: the thesis' r")
     max_gap_m: float = Field(
         default=0.03,
         ge=0,
-        description="empty samples that are bridged: a quarter of the 0.128 m between the points of the towel; where "
-        "the cloth has a radius of curvature of 0.1 m, its length loses 0.1 mm",
+        description="thesis: empty samples that are bridged: a quarter of the 0.128 m between the points of the towel; "
+        "where the cloth has a radius of curvature of 0.1 m, its length loses 0.1 mm",
     )
     min_pixels: int = Field(
-        default=1, ge=1, description="pixels below which a sample counts as empty; the thesis takes any"
+        default=1, ge=1, description="thesis: pixels below which a sample counts as empty; the thesis takes any"
     )
-
-
-@dataclass(frozen=True, slots=True)
-class Trace:
-    """What one frame shows of the garment."""
-
-    chain: Chain | None = None
-    points: ChainPoints | None = None
-    reason: Reason | None = None
+    windows_px: tuple[tuple[int, int], ...] = Field(
+        default=((4, 7), (12, 12), (36, 18), (70, 20)),
+        min_length=1,
+        description="profile: half widths and half heights of the windows, rising; the largest that agrees with the "
+        "smaller ones is used. At 1.07 m they are 1.7 x 2.8 to 26 x 7.7 cm large",
+    )
+    smoothing_frames: tuple[Annotated[int, Field(ge=4)], ...] = Field(
+        default=(5, 9, 13),
+        description="profile: lengths of the parabolas in time, rising, at least 4 each; the longest that agrees with "
+        "the shorter ones is used. None: no smoothing over time",
+    )
+    clearance_m: float = Field(
+        default=0.012,
+        ge=0,
+        description="profile: so far below the gripper's end point its fingers, tilted by pi/8, can be in the way",
+    )
+    jump_m: float = Field(
+        default=0.012,
+        gt=0,
+        description="profile: neighbouring depths that differ by more are two surfaces: 3 to 4 levels of the sensor",
+    )
+    profile_max_gap_m: float = Field(
+        default=0.3,
+        ge=0,
+        description="profile: longest stretch without pixels that is bridged; along the edge of a fold they miss",
+    )
+    flat_field_frames: int = Field(
+        default=8, ge=1, description="profile: images from which the fixed errors of the columns are measured"
+    )
+    flat_field_beyond_m: float = Field(
+        default=1.4, gt=0, description="profile: what is farther is background, and may be a plane to measure them on"
+    )
+    gripper_std_m: float = Field(
+        default=0.0005, ge=0, description="profile: standard uncertainty of the end point's coordinates: interpolation"
+    )
 
 
 def depth_points(
@@ -114,58 +138,34 @@ def depth_points(
             if (topic := opened.image_topic(params.depth_topic)) is None:
                 found = ", ".join(opened.topics)
                 raise BagError("no depth images", where=bag.name, expected=params.depth_topic, found=found)
-            for image in opened.images(topic, "depth"):
-                if image.index not in stamps_ns:
-                    continue
-                depth_mm = image.pixels()
-                if depth_mm.shape == shape:
-                    traces[image.index] = trace_garment(depth_mm, intrinsics, grippers_m.get(image.index), params)
-                else:
-                    traces[image.index] = Trace(reason="image_size")
+            images = _Images(opened, topic, frozenset(stamps_ns), shape)
+            if params.method == "thesis":
+                for frame, depth_mm in images:
+                    traces[frame] = (
+                        Trace(reason="image_size")
+                        if depth_mm is None
+                        else trace_garment(depth_mm, intrinsics, grippers_m.get(frame), params)
+                    )
+            else:
+                traces = trace_profiles(images, stamps_ns, intrinsics, grippers_m, params)
     _warn_of_gaps(bag.name, traces)
     return {"chains": _chains(stamps_ns, traces), "points": _points(stamps_ns, traces, params.point_count)}
 
 
-def trace_garment(
-    depth_mm: NDArray[np.uint16], intrinsics: Intrinsics, gripper_m: Point | None, params: DepthPointsParams
-) -> Trace:
-    """Select pixels, average them into samples, link these to a chain, and divide it.
+@dataclass(frozen=True, slots=True)
+class _Images:
+    """The usable depth images of a bag, by index; None for one of another size. Read anew in every loop."""
 
-    Parameters
-    ----------
-    depth_mm : (H, W) uint16
-        Depth image in millimetres; 0 means no return.
-    intrinsics : Intrinsics
-        Of this image.
-    gripper_m : (x, y, z) or None
-        End point of the gripper in the optical frame; None when it is not known.
-    params : DepthPointsParams
-        See there.
-    """
-    from garment_dataset.vision.chain import divide_chain, link_samples, sample_windows
-    from garment_dataset.vision.cloud import select_pixels
+    bag: Bag
+    topic: str
+    wanted: frozenset[int]
+    shape: tuple[int, int]
 
-    if gripper_m is None:
-        return Trace(reason="no_gripper")
-    step_m, half_height_m = params.sample_step_m, params.window_half_height_m
-    cloud = select_pixels(
-        depth_mm,
-        intrinsics,
-        gripper_m,
-        band_half_width_m=params.band_half_width_m,
-        strip_half_width_m=params.strip_half_width_m,
-    )
-    if cloud.z_mm.size == 0:
-        return Trace(reason="no_pixels")
-    samples = sample_windows(cloud, gripper_m[1], step_m=step_m, half_height_m=half_height_m)
-    chain = link_samples(samples, gripper_m, step_m=step_m, max_gap_m=params.max_gap_m, min_pixels=params.min_pixels)
-    if chain.pixels.size == 0:
-        return Trace(reason="gap" if chain.ends_at_gap else "few_pixels")
-    window_m = 2 * half_height_m
-    if chain.length_m < params.point_count * window_m:
-        return Trace(chain, reason="short")
-    points = divide_chain(chain, intrinsics, point_count=params.point_count, step_m=step_m, window_m=window_m)
-    return Trace(chain, points)
+    def __iter__(self) -> Iterator[tuple[int, NDArray[np.uint16] | None]]:
+        for image in self.bag.images(self.topic, "depth"):
+            if image.index in self.wanted:
+                depth_mm = image.pixels()
+                yield image.index, depth_mm if depth_mm.shape == self.shape else None
 
 
 def _usable_stamps_ns(frames: pa.Table) -> dict[int, int]:
@@ -187,9 +187,9 @@ def _depth_camera(bag: Path, camera: pa.Table) -> tuple[tuple[int, int], Intrins
 
 
 def _grippers_m(gripper: pa.Table) -> dict[int, Point]:
-    """Return the end point of the gripper by frame, where it is known."""
-    rows = zip(*(gripper[name].to_pylist() for name in ("frame", "x_m", "y_m", "z_m")), strict=True)
-    return {frame: (x_m, y_m, z_m) for frame, x_m, y_m, z_m in rows if None not in {x_m, y_m, z_m}}
+    """Return the end point of the gripper by depth frame, where it is known."""
+    rows = zip(*(gripper[name].to_pylist() for name in ("stream", "frame", "x_m", "y_m", "z_m")), strict=True)
+    return {frame: (x, y, z) for stream, frame, x, y, z in rows if stream == "depth" and None not in {x, y, z}}
 
 
 def _warn_of_gaps(where: str, traces: Mapping[int, Trace]) -> None:

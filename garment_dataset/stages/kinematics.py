@@ -37,13 +37,13 @@ class KinematicsParams(StageParams):
         description="thesis: difference of consecutive frames, at the middle of their stamps",
     )
     polynomial_frames: int = Field(
-        default=5,
+        default=11,
         ge=3,
-        description="odd number of frames per fit: at 30 fps, 5 and a parabola lessen the noise of a difference by 4.5 "
-        "and the speed of a swing of 1 Hz by 2.5 %; 7 would cost it 5 %",
+        description="odd number of frames of a fit: a cubic over 11 frames at 30 fps errs least on made swings, see "
+        "docs/accuracy.md",
     )
     polynomial_degree: int = Field(
-        default=2, ge=1, le=4, description="2 is exact for motion with constant acceleration"
+        default=3, ge=1, le=4, description="3 is exact for motion whose acceleration changes evenly"
     )
 
     @model_validator(mode="after")
@@ -149,8 +149,8 @@ def _tracks(points: pa.Table, gripper: pa.Table) -> _Tracks:
         reasons[index][number] = reason
 
     rows = {number: index for index, number in enumerate(frame.tolist())}
-    for held in gripper.select(["frame", "x_m", "y_m", "z_m", "reason"]).to_pylist():
-        if (index := rows.get(held["frame"])) is not None:
+    for held in gripper.select(["stream", "frame", "x_m", "y_m", "z_m", "reason"]).to_pylist():
+        if held["stream"] == "depth" and (index := rows.get(held["frame"])) is not None:
             position_m[index, 0] = [np.nan if held[name] is None else held[name] for name in ("x_m", "y_m", "z_m")]
             reasons[index][0] = held["reason"]
     return _Tracks(frame, stamp_ns, position_m, std_m, reasons)

@@ -173,6 +173,11 @@ def link_samples(samples: Samples, gripper_m: Point, *, step_m: float, max_gap_m
     -------
     Chain
         Without any sample when none has enough pixels, or when the gap right below the gripper is too long.
+
+    Notes
+    -----
+    Links this short follow the noise of z, which makes the chain too long: by 2 % on a vertical sheet of 64 cm at
+    1.07 m, with the noise of a real sensor. Points at a share of the length hardly move by it.
     """
     filled = np.flatnonzero(samples.pixels >= min_pixels)
     longest_run = int(max_gap_m / step_m + 1e-9)

@@ -154,7 +154,7 @@ def possible_region(
     """Return the rows and columns outside of which no pixel can qualify, whatever its depth in the band.
 
     A point at a fixed x moves across the columns monotonically with its depth, so the strip's extremes are at the
-    band's ends; likewise for the rows. Rounding is outwards.
+    band's ends; likewise for the rows. Rounding is outwards, and one column more is taken for that of the arithmetic.
     """
     near_mm, far_mm = band_mm
     if near_mm > far_mm:
@@ -170,7 +170,7 @@ def possible_region(
 def _clip(lowest_px: float, highest_px: float, size_px: int) -> slice:
     start = math.floor(min(max(lowest_px, 0), size_px))
     stop = math.ceil(min(max(highest_px + 1, start), size_px))
-    return slice(start, max(start, stop))
+    return slice(start, stop)
 
 
 def level_spacing_m(z_m: ArrayLike) -> FloatArray:

@@ -3,13 +3,14 @@ from __future__ import annotations
 import os
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 import pytest
 
 from garment_dataset.errors import BagError, DataWarning
-from garment_dataset.stages.depth_points import DepthPointsParams, depth_points, trace_garment
+from garment_dataset.stages.depth_points import DepthPointsParams, depth_points
+from garment_dataset.stages.depth_traces import trace_garment
 from garment_dataset.tables import CAMERA, CHAINS, FRAMES, GRIPPER, POINTS
 from garment_dataset.vision.cloud import Intrinsics
 
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 TOPIC = "/xtion1/depth/image_raw"
 K = {"fx_px": 285.0, "fy_px": 284.0, "cx_px": 159.5, "cy_px": 119.5}
 SHAPE = (240, 320)
+THESIS = DepthPointsParams(method="thesis")
 GRIPPER_M = (0.01, -0.25, 1.065)
 PITCH_M = 1.065 / 284
 IDENTITY: dict[str, Any] = {
@@ -94,13 +96,15 @@ def gripper_table(count: int, unknown: Sequence[int] = ()) -> pa.Table:
     rows = []
     for frame in range(count):
         place = dict(zip(("x_m", "y_m", "z_m"), GRIPPER_M, strict=True)) if frame not in unknown else {"reason": "past"}
-        rows.append({"frame": frame, "stamp_ns": stamp_ns(frame), **place})
+        row = {"frame": frame, "stamp_ns": stamp_ns(frame)}
+        rows.append({**row, "stream": "depth", **place})
+        rows.append({**row, "stream": "color", "x_m": 9.0, "y_m": 9.0, "z_m": 9.0})
     return table_of(GRIPPER, rows)
 
 
 def run(bag: Path, count: int, params: DepthPointsParams | None = None) -> dict[str, pa.Table]:
     """Run the stage on a bag without faults."""
-    return depth_points(bag, frames_table(count), camera_table(), gripper_table(count), params or DepthPointsParams())
+    return depth_points(bag, frames_table(count), camera_table(), gripper_table(count), params or THESIS)
 
 
 def test_a_vertical_towel_of_64_cm(write_bag: WriteBag) -> None:
@@ -134,9 +138,7 @@ def test_frames_that_cannot_be_used_have_rows_with_a_reason_or_none(write_bag: W
         vertical((0, 0.64)),
     ]
     bag = write_bag(*images)
-    tables = depth_points(
-        bag, frames_table(8, faulty=[1]), camera_table(), gripper_table(8, unknown=[2]), DepthPointsParams()
-    )
+    tables = depth_points(bag, frames_table(8, faulty=[1]), camera_table(), gripper_table(8, unknown=[2]), THESIS)
     points = tables["points"].to_pandas()
     assert points["frame"].tolist() == [frame for frame in (0, 2, 3, 4, 5, 6, 7) for _ in range(5)]
     assert points["stamp_ns"].tolist() == [stamp_ns(frame) for frame in points["frame"]]
@@ -158,7 +160,7 @@ def test_a_long_gap_ends_the_garment_and_is_announced(write_bag: WriteBag) -> No
     lengths_m = tables["points"]["garment_length_m"].to_numpy()[::5]
     assert 0.64 - 0.0025 - PITCH_M <= lengths_m[0] <= 0.64
     assert 0.3 - 0.0025 - PITCH_M <= lengths_m[1] <= 0.3 + 0.005  # the last window reaches past the last row
-    bridged = run(bag, 2, DepthPointsParams(max_gap_m=0.1))
+    bridged = run(bag, 2, DepthPointsParams(method="thesis", max_gap_m=0.1))
     lengths_m = bridged["points"]["garment_length_m"].to_numpy()[::5]
     assert lengths_m[0] == pytest.approx(lengths_m[1], abs=1e-12)
     chains = bridged["chains"].to_pandas()
@@ -181,7 +183,7 @@ def test_what_is_outside_band_and_strip_and_above_the_gripper_changes_no_number(
 
 
 def test_the_number_of_points_is_a_parameter(write_bag: WriteBag) -> None:
-    points = run(write_bag(vertical((0, 0.64))), 1, DepthPointsParams(point_count=2))["points"]
+    points = run(write_bag(vertical((0, 0.64))), 1, DepthPointsParams(method="thesis", point_count=2))["points"]
     assert points["point"].to_pylist() == [1, 2]
     assert points["y_m"].to_numpy() - GRIPPER_M[1] == pytest.approx([0.16, 0.48], abs=0.0025 + PITCH_M)
 
@@ -189,13 +191,13 @@ def test_the_number_of_points_is_a_parameter(write_bag: WriteBag) -> None:
 def test_few_pixels() -> None:
     depth_mm = vertical((0, 0.64))
     depth_mm[:, ::4] = 0
-    trace = trace_garment(depth_mm, Intrinsics(**K), GRIPPER_M, DepthPointsParams(min_pixels=1000))
+    trace = trace_garment(depth_mm, Intrinsics(**K), GRIPPER_M, DepthPointsParams(method="thesis", min_pixels=1000))
     assert (trace.chain, trace.points, trace.reason) == (None, None, "few_pixels")
 
 
 def test_no_usable_depth_frame_gives_empty_tables_without_opening_the_bag(tmp_path: Path) -> None:
     frames = frames_table(2, faulty=[0, 1])
-    tables = depth_points(tmp_path / "none.bag", frames, camera_table(), gripper_table(0), DepthPointsParams())
+    tables = depth_points(tmp_path / "none.bag", frames, camera_table(), gripper_table(0), THESIS)
     assert {name: table.num_rows for name, table in tables.items()} == {"chains": 0, "points": 0}
     for spec in (CHAINS, POINTS):
         spec.finish(tables[spec.name], IDENTITY)
@@ -206,13 +208,14 @@ def test_a_missing_topic_and_a_missing_camera_are_said(write_bag: WriteBag) -> N
     with pytest.raises(BagError, match=r"no depth images: expected /xtion1/depth/image_raw, found /other"):
         run(bag, 1)
     with pytest.raises(BagError, match="no camera for the depth images"):
-        depth_points(bag, frames_table(1), camera_table(stream="infra"), gripper_table(1), DepthPointsParams())
-    assert run(bag, 1, DepthPointsParams(depth_topic="/other"))["points"].num_rows == 5
+        depth_points(bag, frames_table(1), camera_table(stream="infra"), gripper_table(1), THESIS)
+    assert run(bag, 1, DepthPointsParams(method="thesis", depth_topic="/other"))["points"].num_rows == 5
 
 
 @pytest.mark.real
 @pytest.mark.skipif("GARMENT_REAL_DATA" not in os.environ, reason="GARMENT_REAL_DATA names no folder of recordings")
-def test_points_lie_on_real_cloth() -> None:
+@pytest.mark.parametrize("method", ["thesis", "profile"])
+def test_points_lie_on_real_cloth(method: Literal["thesis", "profile"]) -> None:
     """In every frame of garments on a floor: the depth image around a point's pixel agrees with the point."""
     from garment_dataset.bags import open_bag
     from garment_dataset.stages.decode import DecodeParams, decode
@@ -221,7 +224,8 @@ def test_points_lie_on_real_cloth() -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DataWarning)
         decoded = decode(bag, DecodeParams())
-    tables = depth_points(bag, decoded["frames"], decoded["camera"], decoded["gripper"], DepthPointsParams())
+    params = DepthPointsParams(method=method)
+    tables = depth_points(bag, decoded["frames"], decoded["camera"], decoded["gripper"], params)
     camera = decoded["camera"].to_pylist()[0]
     points = tables["points"].to_pandas()
     assert len(points) == 15

@@ -46,12 +46,13 @@ def tables(count: int = 30, *, rest: int = REST, missing: Mapping[int, str] | No
     gripper: list[dict[str, Any]] = []
     for frame, stamp in enumerate(stamps):
         place = dict(zip(("x_m", "y_m", "z_m"), path_m(stamp, start_ns, 0), strict=True))
-        gripper.append({"frame": frame, "stamp_ns": stamp, **place})
+        gripper.append({"stream": "depth", "frame": frame, "stamp_ns": stamp, **place})
         for point in range(1, POINT_COUNT + 1):
             found = dict(zip(("x_m", "y_m", "z_m"), path_m(stamp, start_ns, point), strict=True)) | STD_M
             row = {"reason": missing[frame]} if frame in missing else found
             points.append({"frame": frame, "stamp_ns": stamp, "point": point, "pixels": 9, **row})
-    return {"points": build(POINTS, points), "gripper": build(GRIPPER, gripper)}
+    color = [{**row, "stream": "color", "x_m": 9.0, "y_m": 9.0, "z_m": 9.0} for row in gripper]
+    return {"points": build(POINTS, points), "gripper": build(GRIPPER, gripper + color)}
 
 
 def build(spec: Any, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
@@ -60,8 +61,12 @@ def build(spec: Any, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
 
 
 def run(made: Mapping[str, pa.Table], **knobs: Any) -> pd.DataFrame:
-    """Return the rows; stamps with nulls among them as objects, since float64 cannot hold them."""
-    table = kinematics(made["points"], made["gripper"], KinematicsParams(**knobs))["kinematics"]
+    """Return the rows; stamps with nulls among them as objects, since float64 cannot hold them.
+
+    Parabolas through five frames: the made motion is one from its start on.
+    """
+    params = KinematicsParams(**{"polynomial_frames": 5, "polynomial_degree": 2, **knobs})
+    table = kinematics(made["points"], made["gripper"], params)["kinematics"]
     assert table.column_names == [column.name for column in KINEMATICS.columns]
     return table.to_pandas(integer_object_nulls=True)
 

@@ -357,3 +357,32 @@ def test_a_point_on_a_bridge_rests_on_no_pixel_and_is_less_certain(intrinsics: I
     points = divide_chain(chain, intrinsics, point_count=3, step_m=STEP_M, window_m=2 * HALF_HEIGHT_M)
     assert points.pixels.tolist() == [100, 0, 100]
     assert points.std_m[2, 1] > points.std_m[2, 2] == points.std_m[2, 0]
+
+
+def rough(rough_samples: int) -> Chain:
+    """81 samples; up to the one of this number z jumps by a step to and fro, so that its links are sqrt(2) too long."""
+    index = np.arange(81)
+    z_m = 1 + STEP_M * ((index % 2 == 1) & (index < rough_samples))
+    samples = Samples(np.stack([0 * z_m, STEP_M * index, z_m]), np.full(81, 100), np.zeros(81))
+    return link_samples(samples, GRIPPER_M, step_m=STEP_M, max_gap_m=0, min_pixels=1)
+
+
+def test_uneven_roughness_makes_a_point_uncertain_along_the_cloth(intrinsics: Intrinsics) -> None:
+    """Half of the cloth looks sqrt(2) too long: its middle is found that much too high, all rough or none it is not."""
+    std_m = []
+    for rough_samples in (0, 40, 80):
+        chain = rough(rough_samples)
+        assert chain.length_m == pytest.approx(STEP_M * (80 + rough_samples * (np.sqrt(2) - 1)))
+        points = divide_chain(chain, intrinsics, point_count=1, step_m=STEP_M, window_m=2 * STEP_M)
+        std_m.append(points.std_m[1, 0])
+    middle = (40 * np.sqrt(2) + 40) / 2  # in steps along the chain, whose rough part saves 1 - sqrt(1/2) of each
+    moved_m = STEP_M * (middle * (1 - np.sqrt(0.5)) - 40 * (np.sqrt(2) - 1) / 2)
+    assert np.sqrt(std_m[1] ** 2 - std_m[2] ** 2) == pytest.approx(moved_m * np.sqrt(0.5), rel=0.01)
+    assert std_m[0] < 0.003
+
+
+def test_a_point_counts_the_pixels_of_its_nearest_sample(intrinsics: Intrinsics) -> None:
+    samples = Samples(np.array([[0, 0], [0, 1], [1.0, 1.0]]), np.array([10, 20]), np.zeros(2))
+    chain = link_samples(samples, GRIPPER_M, step_m=1, max_gap_m=0, min_pixels=1)
+    points = divide_chain(chain, intrinsics, point_count=4, step_m=1, window_m=2)
+    assert points.pixels.tolist() == [10, 10, 20, 20]

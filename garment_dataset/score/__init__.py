@@ -1,0 +1,1 @@
+"""Compare features with the truth of simulated recordings."""
