@@ -19,7 +19,7 @@ from garment_dataset.catalog_rows import join_rows
 from garment_dataset.catalog_tables import Tables
 from garment_dataset.errors import CatalogError, DataWarning, FilterError, RecordingNameError, WorkspaceError
 from garment_dataset.names import parse_bag_name
-from garment_dataset.tables import IDENTITY
+from garment_dataset.table_spec import IDENTITY
 from garment_dataset.workspace_files import nearest_catalog, packaged_workspace
 
 if TYPE_CHECKING:

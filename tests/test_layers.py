@@ -14,7 +14,7 @@ import garment_dataset
 PACKAGE = Path(garment_dataset.__file__).parent
 FLOORS = [
     {"errors"},
-    {"names", "vision", "tables", "engine", "filters", "workspace_files"},
+    {"names", "vision", "table_spec", "tables", "engine", "filters", "workspace_files"},
     {"catalog", "catalog_rows", "catalog_tables", "bag_folder", "bags", "lint"},
     {"stages"},
     {"pipelines", "building", "workspace", "features", "view", "simulate", "score"},

@@ -11,7 +11,7 @@ import pytest
 
 from garment_dataset import tables
 from garment_dataset.errors import TableError
-from garment_dataset.tables import IDENTITY, Column, TableSpec, arrow_type
+from garment_dataset.table_spec import IDENTITY, Column, TableSpec, arrow_type
 
 SPECS = [value for _, value in inspect.getmembers(tables) if isinstance(value, TableSpec)]
 LABELS: dict[str, str | int | float | None] = {

@@ -11,7 +11,7 @@ import pyarrow.parquet as pq
 
 from garment_dataset.simulate import truth
 from garment_dataset.simulate.scene import COLOR_CAMERA
-from garment_dataset.tables import Column
+from garment_dataset.table_spec import Column
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
