@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from garment_dataset.bags.quaternions import Quaternion, Vector, lerp, rotate, slerp
 from garment_dataset.errors import TransformError
 
 if TYPE_CHECKING:
@@ -26,9 +27,6 @@ SQUARED_NORM_TOLERANCE = 1e-2
 
 FailureKind = Literal["past", "future", "unknown frame", "not connected", "loop"]
 """Why a look-up has no answer: before the first or after the last sample of a link, or a matter of the tree itself."""
-
-_Vector = tuple[float, float, float]
-_Quaternion = tuple[float, float, float, float]
 
 
 class LookupFailedError(TransformError):
@@ -92,8 +90,8 @@ class Transform:
 class _Pose(NamedTuple):
     """A rigid motion, with what it rests on in time."""
 
-    translation: _Vector
-    quaternion: _Quaternion
+    translation: Vector
+    quaternion: Quaternion
     gap_ns: int = 0
     bracket_ns: int = 0
 
@@ -144,8 +142,8 @@ class _Link:
         if before.pose == after.pose:
             return _Sample(before.parent, before.pose._replace(gap_ns=gap_ns))
         ratio = (stamp_ns - before_ns) / (after_ns - before_ns)
-        translation = _lerp(before.pose.translation, after.pose.translation, ratio)
-        quaternion = _slerp(before.pose.quaternion, after.pose.quaternion, ratio)
+        translation = lerp(before.pose.translation, after.pose.translation, ratio)
+        quaternion = slerp(before.pose.quaternion, after.pose.quaternion, ratio)
         return _Sample(before.parent, _Pose(translation, quaternion, gap_ns, after_ns - before_ns))
 
 
@@ -277,42 +275,11 @@ class TransformTree:
         return f"Known frames: {shown}" if names else "There are no transforms at all"
 
 
-def _lerp(a: _Vector, b: _Vector, ratio: float) -> _Vector:
-    rest = 1.0 - ratio
-    return (rest * a[0] + ratio * b[0], rest * a[1] + ratio * b[1], rest * a[2] + ratio * b[2])
-
-
-def _slerp(a: _Quaternion, b: _Quaternion, ratio: float) -> _Quaternion:
-    """Turn from ``a`` to ``b`` along the shorter way, as ``tf2::Quaternion::slerp``; unit quaternions."""
-    cosine = a[0] * b[0] + a[1] * b[1] + a[2] * b[2] + a[3] * b[3]
-    angle = math.acos(min(abs(cosine), 1.0))
-    if angle == 0.0:
-        return a
-    weight_a = math.sin((1.0 - ratio) * angle) / math.sin(angle)
-    weight_b = math.copysign(math.sin(ratio * angle) / math.sin(angle), cosine)
-    return (
-        weight_a * a[0] + weight_b * b[0],
-        weight_a * a[1] + weight_b * b[1],
-        weight_a * a[2] + weight_b * b[2],
-        weight_a * a[3] + weight_b * b[3],
-    )
-
-
-def _rotate(q: _Quaternion, v: _Vector) -> _Vector:
-    x, y, z, w = q
-    turn_x, turn_y, turn_z = 2 * (y * v[2] - z * v[1]), 2 * (z * v[0] - x * v[2]), 2 * (x * v[1] - y * v[0])
-    return (
-        v[0] + w * turn_x + y * turn_z - z * turn_y,
-        v[1] + w * turn_y + z * turn_x - x * turn_z,
-        v[2] + w * turn_z + x * turn_y - y * turn_x,
-    )
-
-
 def _compose(outer: _Pose, inner: _Pose) -> _Pose:
     """Apply ``inner`` first, then ``outer``."""
     ax, ay, az, aw = outer.quaternion
     bx, by, bz, bw = inner.quaternion
-    moved, origin = _rotate(outer.quaternion, inner.translation), outer.translation
+    moved, origin = rotate(outer.quaternion, inner.translation), outer.translation
     return _Pose(
         (moved[0] + origin[0], moved[1] + origin[1], moved[2] + origin[2]),
         (
@@ -329,5 +296,5 @@ def _compose(outer: _Pose, inner: _Pose) -> _Pose:
 def _inverse(pose: _Pose) -> _Pose:
     x, y, z, w = pose.quaternion
     back = (-x, -y, -z, w)
-    moved = _rotate(back, pose.translation)
+    moved = rotate(back, pose.translation)
     return _Pose((-moved[0], -moved[1], -moved[2]), back, pose.gap_ns, pose.bracket_ns)
