@@ -36,11 +36,12 @@ format: $(STAMP) ## Format the code
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-accuracy: $(STAMP) ## Simulate, build and score; rewrites docs/accuracy.md (some 15 minutes)
+accuracy: $(STAMP) ## Simulate, build and score; rewrites the pages of accuracy in docs/ (some 15 minutes)
 	$(BIN)/python benchmarks/accuracy.py
+	$(BIN)/python benchmarks/accuracy_colour.py
 
 bench: $(STAMP) ## Run the side-by-side measurements
-	@for script in $(filter-out benchmarks/accuracy.py,$(wildcard benchmarks/*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+	@for script in $(filter-out benchmarks/accuracy%,$(wildcard benchmarks/*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
 
 clean: ## Remove what the targets above made, the demo included
 	rm -rf $(VENV) demo dist build .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -150,9 +150,10 @@ def test_silhouettes_moved_by_a_fifth_of_their_width() -> None:
     row = score_silhouettes([silhouette_errors(silhouettes, curves, truth)], NAME)
     assert (row.expected, row.coverage) == (2, 1)
     assert row.iou_mean == pytest.approx(8 / 12)
-    assert row.orientation_rmse_rad == pytest.approx(0.01)
-    assert row.curve_rmse_px == pytest.approx(2)
-    assert row.curve_p95_px == pytest.approx(2)
+    assert row.iou_min == pytest.approx(8 / 12)
+    assert row.orientation_mean_rad == pytest.approx(0.01)
+    assert (row.midline_mean_px, row.midline_p95_px) == pytest.approx((2, 2))
+    assert row.material_mean_px == pytest.approx(2)
 
 
 def test_missing_silhouettes_lower_coverage() -> None:
@@ -160,9 +161,10 @@ def test_missing_silhouettes_lower_coverage() -> None:
     silhouettes.loc[1, "mask"] = None
     row = score_silhouettes([silhouette_errors(silhouettes, curves, truth)], NAME)
     assert (row.coverage, row.iou_mean) == (0.5, 1)
-    assert row.curve_rmse_px == pytest.approx(0)
+    assert row.material_mean_px == pytest.approx(0)
+    assert row.midline_mean_px == pytest.approx(0)
     nothing = score_silhouettes([silhouette_errors(silhouettes[:0], None, truth)], NAME)
-    assert (nothing.coverage, nothing.iou_mean, nothing.curve_rmse_px) == (0, None, None)
+    assert (nothing.coverage, nothing.iou_mean, nothing.midline_mean_px) == (0, None, None)
 
 
 def test_distance_to_a_line_is_to_its_nearest_place() -> None:

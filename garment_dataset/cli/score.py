@@ -37,10 +37,11 @@ _SILHOUETTE_COLUMNS = [
     "frames",
     "coverage [%]",
     "IoU mean",
-    "5 %",
-    "axis rms [°]",
-    "curve rms",
+    "worst",
+    "axis [°]",
+    "midline mean",
     "95 % [px]",
+    "material line [px]",
 ]
 
 
@@ -93,10 +94,11 @@ def _silhouette_cells(row: SilhouetteScore) -> list[object]:
         row.expected,
         _number(row.coverage, 100, 1),
         _number(row.iou_mean, 1, 3),
-        _number(row.iou_p5, 1, 3),
-        _number(row.orientation_rmse_rad, 57.29578, 2),
-        _number(row.curve_rmse_px, 1, 1),
-        _number(row.curve_p95_px, 1, 1),
+        _number(row.iou_min, 1, 3),
+        _number(row.orientation_mean_rad, 57.29578, 2),
+        _number(row.midline_mean_px, 1, 2),
+        _number(row.midline_p95_px, 1, 2),
+        _number(row.material_mean_px, 1, 1),
     ]
 
 

@@ -7,7 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from garment_dataset.vision.masks import decode_mask
+from garment_dataset.vision.axes import region_axes
+from garment_dataset.vision.central_curve import central_curve
+from garment_dataset.vision.masks import borders, decode_mask, largest_component
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -30,11 +32,13 @@ class SilhouetteScore:
         Number of colour frames that show the garment.
     coverage : float
         Share of these with a silhouette.
-    iou_mean, iou_p5 : float
-        Intersection over union with the garment below the gripper: mean, and the value that 95 % of frames exceed.
-    orientation_rmse_rad : float
-        Of the angle of the major axis.
-    curve_rmse_px, curve_p95_px : float
+    iou_mean, iou_min : float
+        Intersection over union with the garment below the gripper: mean, and the worst frame.
+    orientation_mean_rad : float
+        Mean size of the error of the major axis' angle.
+    midline_mean_px, midline_p95_px : float
+        Distance of the central curve's points from the central curve of the true mask.
+    material_mean_px : float
         Distance of the central curve's points from the projected material line. The two are not the same thing: on a
         garment that is not symmetric the middle of the silhouette is off the material line.
     """
@@ -43,10 +47,11 @@ class SilhouetteScore:
     expected: int
     coverage: float | None
     iou_mean: float | None
-    iou_p5: float | None
-    orientation_rmse_rad: float | None
-    curve_rmse_px: float | None
-    curve_p95_px: float | None
+    iou_min: float | None
+    orientation_mean_rad: float | None
+    midline_mean_px: float | None
+    midline_p95_px: float | None
+    material_mean_px: float | None
 
     def record(self) -> dict[str, object]:
         """Return the row as plain data."""
@@ -59,7 +64,8 @@ class SilhouetteErrors:
 
     iou: FloatArray
     angle_rad: FloatArray
-    curve_px: FloatArray
+    midline_px: FloatArray
+    material_px: FloatArray
 
 
 def silhouette_errors(silhouettes: pd.DataFrame, curves: pd.DataFrame | None, truth: pd.DataFrame) -> SilhouetteErrors:
@@ -76,25 +82,30 @@ def silhouette_errors(silhouettes: pd.DataFrame, curves: pd.DataFrame | None, tr
     midpoints = {} if curves is None else dict(list(curves.groupby(curves["frame"])))
     shown = [row for row in truth.to_dict("records") if row["area_px"] > 0]
     iou, angle_rad = np.full((2, len(shown)), np.nan)
-    curve_px = [np.empty(0)]
+    midline_px, material_px = [np.empty(0)], [np.empty(0)]
     for index, row in enumerate(shown):
         seen = found.get(int(row["frame"]))
         if seen is None or seen["mask"] is None:
             continue
-        iou[index] = _iou(decode_mask(seen["mask"]), decode_mask(row["garment_mask"]), seen["gripper_v_px"])
+        true_mask = _below(decode_mask(row["garment_mask"]), seen["gripper_v_px"])
+        iou[index] = _iou(_below(decode_mask(seen["mask"]), seen["gripper_v_px"]), true_mask)
         turn = float(seen["orientation_rad"]) - float(row["orientation_rad"])
         angle_rad[index] = (turn + np.pi / 2) % np.pi - np.pi / 2
         if (cuts := midpoints.get(row["frame"])) is not None:
-            line = np.column_stack([row["line_u_px"], row["line_v_px"]])
-            curve_px.append(distance_to_line(cuts[["u_px", "v_px"]].to_numpy(np.float64), line))
-    return SilhouetteErrors(iou, angle_rad, np.concatenate(curve_px))
+            curve = cuts[["u_px", "v_px"]].to_numpy(np.float64)
+            material_px.append(distance_to_line(curve, np.column_stack([row["line_u_px"], row["line_v_px"]])))
+            if len(midline := _midline(true_mask)) > 1:
+                midline_px.append(distance_to_line(curve, midline))
+    return SilhouetteErrors(iou, angle_rad, np.concatenate(midline_px), np.concatenate(material_px))
 
 
 def score_silhouettes(errors: Sequence[SilhouetteErrors], recording: str) -> SilhouetteScore:
     """Summarise the errors of one or several recordings."""
-    iou, angle_rad, curve_px = (
+    iou, angle_rad, midline_px, material_px = (
         np.concatenate([np.asarray(part) for part in parts])
-        for parts in zip(*((part.iou, part.angle_rad, part.curve_px) for part in errors), strict=True)
+        for parts in zip(
+            *((part.iou, part.angle_rad, part.midline_px, part.material_px) for part in errors), strict=True
+        )
     )
     there = np.isfinite(iou)
     return SilhouetteScore(
@@ -102,10 +113,11 @@ def score_silhouettes(errors: Sequence[SilhouetteErrors], recording: str) -> Sil
         int(iou.size),
         float(there.mean()) if iou.size else None,
         float(iou[there].mean()) if there.any() else None,
-        float(np.percentile(iou[there], 5)) if there.any() else None,
-        float(np.sqrt((angle_rad[there] ** 2).mean())) if there.any() else None,
-        float(np.sqrt((curve_px**2).mean())) if curve_px.size else None,
-        float(np.percentile(curve_px, 95)) if curve_px.size else None,
+        float(iou[there].min()) if there.any() else None,
+        float(np.abs(angle_rad[there]).mean()) if there.any() else None,
+        float(midline_px.mean()) if midline_px.size else None,
+        float(np.percentile(midline_px, 95)) if midline_px.size else None,
+        float(material_px.mean()) if material_px.size else None,
     )
 
 
@@ -131,9 +143,24 @@ def distance_to_line(points_px: FloatArray, line_px: FloatArray) -> FloatArray:
     return distance
 
 
-def _iou(found: NDArray[np.bool_], truth: NDArray[np.bool_], gripper_v_px: float | None) -> float:
-    """Return intersection over union, of the rows below the gripper."""
+def _below(mask: NDArray[np.bool_], gripper_v_px: float | None) -> NDArray[np.bool_]:
+    """Return a mask without the rows above the gripper's end point."""
     first = 0 if gripper_v_px is None or np.isnan(gripper_v_px) else max(int(np.ceil(gripper_v_px)), 0)
-    both = (found[first:] & truth[first:]).sum()
-    either = (found[first:] | truth[first:]).sum()
-    return float(both / either) if either else float("nan")
+    below = mask.copy()
+    below[:first] = False
+    return below
+
+
+def _iou(found: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
+    """Return intersection over union."""
+    either = (found | truth).sum()
+    return float((found & truth).sum() / either) if either else float("nan")
+
+
+def _midline(mask: NDArray[np.bool_]) -> FloatArray:
+    """Return the central curve of a mask's largest region, (k, 2); cuts are a pixel apart."""
+    region = largest_component(mask.view(np.uint8)).astype(bool)
+    if not region.any():
+        return np.empty((0, 2))
+    curve = central_curve(borders(region), region_axes(region), 1.0)
+    return np.column_stack([curve.u_px, curve.v_px])
