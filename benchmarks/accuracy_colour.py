@@ -46,7 +46,7 @@ VARIANTS = {
 PAGE = """# Accuracy of silhouettes and central curves
 
 Made by `python benchmarks/accuracy_colour.py [--cache FOLDER]`: it simulates the B recordings (scale `small`, sensor
-noise on), builds the colour pipeline and scores it (`garment score` gives the same for any features and truth). *IoU*
+noise on), builds the colour pipeline and scores it (`garment score` does so for any features and truth). *IoU*
 is with the true mask below the gripper's point, mean and worst frame; *axis* the mean error of the major axis' angle;
 *midline* the distance of the central curve from that of the true mask; *material line* its distance from the projected
 line of the cloth below the gripper, which is another curve and is not tuned to.
