@@ -68,8 +68,8 @@ squares of 15 px.
 |---|{rules}
 {variants}
 
-docs/colour.md says what the options mean. A sheet seen edge-on, 8 px wide, is not among the simulated recordings; painted
-frames of one, blurred and noisy, are found with an IoU above 0.95 (`tests/stages/test_silhouette.py`).
+docs/colour.md says what the options mean. A sheet seen edge-on, 8 px wide, is not among the simulated recordings;
+painted frames of one, blurred and noisy, are found with an IoU above 0.95 (`tests/stages/test_silhouette.py`).
 """
 
 

@@ -104,6 +104,7 @@ def trace_profiles(
     from garment_dataset.vision.flat_field import column_offsets, fixed_error_levels, inverse_depth_table
     from garment_dataset.vision.profile import Profile, trace_profile
     from garment_dataset.vision.tracking import divide_track, track_profiles
+    from garment_dataset.vision.uncertainty import ErrorSources
 
     chosen = set(list(stamps_ns)[:: max(len(stamps_ns) // params.flat_field_frames, 1)])
     some = [np.array(depth_mm) for frame, depth_mm in images if frame in chosen and depth_mm is not None]
@@ -144,18 +145,16 @@ def trace_profiles(
         step_m=params.sample_step_m,
         frames=params.smoothing_frames,
     )
-    fixed_levels = fixed_error_levels(offset, 2.0 * params.windows_px[-1][0]) if on_ladder else 0.0
+    half_width_px, half_height_px = params.windows_px[-1]
+    sources = ErrorSources(
+        fixed_error_levels(offset, 2.0 * half_width_px, some[0].shape[1]) if on_ladder else None,
+        params.gripper_std_m,
+        flat_pixels=(2 * half_width_px + 1) * (2 * half_height_px + 1) / 2,
+    )
     for frame, track in zip(frames, tracks, strict=True):
         if track.chain.length_m < 2 * params.point_count * params.window_half_height_m:
             traces[frame] = Trace(track.chain, reason="short")
             continue
-        points = divide_track(
-            track,
-            grippers_m[frame],
-            intrinsics,
-            point_count=params.point_count,
-            fixed_levels=fixed_levels,
-            gripper_std_m=params.gripper_std_m,
-        )
+        points = divide_track(track, grippers_m[frame], intrinsics, point_count=params.point_count, sources=sources)
         traces[frame] = Trace(track.chain, points)
     return traces

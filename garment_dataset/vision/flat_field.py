@@ -31,7 +31,13 @@ FINE_PATTERN_LEVELS = 0.25
 """Standard deviation of the fixed error that differs from pixel to pixel, in level spacings.
 
 An assumption, the same as the simulated sensor's: real planes are rougher than noise in time explains, but how much
-of that is fixed was not measured apart. It comes in blobs like the noise, and is averaged out like it.
+of that is fixed was not measured apart.
+"""
+
+FINE_PATTERN_BLOB_PX = 113.0
+"""Pixels of a window that tell as much about that pattern as one independent pixel would.
+
+White noise smoothed by a Gaussian of 3 px, as simulated, has :math:`4 \\pi \\cdot 3^2` px to a blob.
 """
 
 _LEVELS = 1053
@@ -165,20 +171,39 @@ def _offsets_from_plane(inverse: FloatArray, used: NDArray[np.bool_]) -> FloatAr
     return result
 
 
-def fixed_error_levels(offset_per_m: FloatArray | None, window_px: float) -> float:
-    """Return the standard deviation of the depth error that stands still, in level spacings.
+def fixed_error_levels(offset_per_m: FloatArray | None, window_px: float, image_width_px: int) -> FloatArray:
+    r"""Return the standard deviation of the depth error that whole columns share, in level spacings.
 
     Parameters
     ----------
     offset_per_m : (W,) float64 or None
         From :func:`column_offsets`.
     window_px : float
-        Width over which depth is averaged, if the columns are not corrected.
+        Width over which depth is averaged, where the columns are not corrected.
+    image_width_px : int
+        W.
 
     Returns
     -------
-    float
-        The bands' 0.43 level spacings, averaged over as many bands as were seen, or as the window holds.
+    (W,) float64
+        By column.
+
+    Notes
+    -----
+    Bands of :math:`\sigma` = 0.43 level spacings were measured about the mean over the image, so their mean over n of N
+    bands has the variance :math:`\sigma^2 (1/n - 1/N)`, none when all are seen. It is left in columns that were
+    corrected on n bands, and in those that were not, by the n bands in the window. The trend that went with the plane
+    adds :math:`\sigma^2 (u - \bar u)^2 / (n \operatorname{var} u)`. An error that all columns of the image share is part
+    of the camera's calibration and not in here.
     """
-    columns = window_px if offset_per_m is None else float(np.count_nonzero(offset_per_m))
-    return float(COLUMN_BAND_LEVELS / np.sqrt(max(columns / BAND_WIDTH_PX, 1.0)))
+
+    def of_mean(columns: float) -> float:
+        return max(BAND_WIDTH_PX / max(columns, BAND_WIDTH_PX) - BAND_WIDTH_PX / image_width_px, 0.0)
+
+    variance = np.full(image_width_px, of_mean(window_px))
+    if offset_per_m is not None:
+        seen = np.flatnonzero(offset_per_m)
+        of_trend = BAND_WIDTH_PX / seen.size * (seen - seen.mean()) ** 2 / seen.var()
+        variance[seen] = of_mean(seen.size) + of_trend
+    levels: FloatArray = COLUMN_BAND_LEVELS * np.sqrt(variance)
+    return levels

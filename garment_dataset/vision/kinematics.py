@@ -136,6 +136,8 @@ def local_polynomial(
     -----
     Least squares, unweighted, on :math:`\tau = (t_k - t_i) / T` with T the half width of the fit: the slope is
     :math:`\sum_k c_k p_k` with :math:`c = (A^T A)^{-1}_{1,:} A^T / T`, its variance :math:`\sum_k c_k^2 \sigma_k^2`.
+    Where the positions scatter more about the polynomial than they should, as where a fold passes, the variance is
+    :math:`s^2 \sum_k c_k^2` instead, :math:`s^2` the sum of squared residuals over the degrees of freedom (Birge, 1932).
     """
     fresh = np.diff(stamp_ns, prepend=stamp_ns[:1] - 1) > 0
     found = _found(position_m)
@@ -153,19 +155,36 @@ def local_polynomial(
     velocity_m_s, velocity_std_m_s = np.full_like(position_m, np.nan), np.full_like(position_m, np.nan)
     velocity_m_s[frame, point] = (coefficients * away_m).sum(axis=1)
     others_std_m = np.where(weight[:, :, None], std_m[others], 0)
-    velocity_std_m_s[frame, point] = np.sqrt(((coefficients * others_std_m) ** 2).sum(axis=1))
+    stated = ((coefficients * others_std_m) ** 2).sum(axis=1)
+    seen = (coefficients**2).sum(axis=1) * _scatter_m2(elapsed_s[frame], weight, away_m, degree)
+    velocity_std_m_s[frame, point] = np.sqrt(np.maximum(stated, seen))
     return velocity_m_s, velocity_std_m_s
 
 
 def _slope_coefficients(elapsed_s: FloatArray, weight: FloatArray, degree: int) -> FloatArray:
     """Return what each position counts in the slope at time 0 of the fitted polynomial, (K, n) as both inputs."""
-    half_width_s = np.abs(elapsed_s).max(axis=1, initial=0, keepdims=True)
-    powers = weight[:, :, None] * (elapsed_s / half_width_s)[:, :, None] ** np.arange(degree + 1)
+    powers, half_width_s = _powers(elapsed_s, weight, degree)
     first_derivative = np.zeros((elapsed_s.shape[0], degree + 1, 1))
     first_derivative[:, 1] = 1
     inverse_row = np.linalg.solve(powers.transpose(0, 2, 1) @ powers, first_derivative)
     coefficients: FloatArray = (powers @ inverse_row)[:, :, 0] / half_width_s
     return coefficients
+
+
+def _scatter_m2(elapsed_s: FloatArray, weight: NDArray[np.bool_], away_m: FloatArray, degree: int) -> FloatArray:
+    """Return the variance of positions (K, n, 3) about their polynomials, (K, 3); 0 where these have to go through."""
+    powers, _ = _powers(elapsed_s, weight.astype(np.float64), degree)
+    transposed = powers.transpose(0, 2, 1)
+    residual_m = away_m - powers @ np.linalg.solve(transposed @ powers, transposed @ away_m)
+    freedom = weight.sum(axis=1, keepdims=True) - (degree + 1)
+    variance: FloatArray = (residual_m**2).sum(axis=1) * (freedom > 0) / np.maximum(freedom, 1)
+    return variance
+
+
+def _powers(elapsed_s: FloatArray, weight: FloatArray, degree: int) -> tuple[FloatArray, FloatArray]:
+    """Return weighted powers of the times over their half width, (K, n, degree + 1), and that, (K, 1)."""
+    half_width_s = np.abs(elapsed_s).max(axis=1, initial=0, keepdims=True)
+    return weight[:, :, None] * (elapsed_s / half_width_s)[:, :, None] ** np.arange(degree + 1), half_width_s
 
 
 def _found(position_m: FloatArray) -> NDArray[np.bool_]:

@@ -14,9 +14,8 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from garment_dataset.vision.chain import Chain, ChainPoints
-from garment_dataset.vision.cloud import PIXELS_PER_INDEPENDENT, level_spacing_m
-from garment_dataset.vision.flat_field import FINE_PATTERN_LEVELS
 from garment_dataset.vision.smoothing import NOISE_FRAMES, adaptive_mean, local_fit, unrest
+from garment_dataset.vision.uncertainty import point_std_m
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
 
     from garment_dataset.vision.cloud import Intrinsics, Point
     from garment_dataset.vision.profile import Profile
+    from garment_dataset.vision.uncertainty import ErrorSources
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
@@ -202,13 +202,7 @@ def _track(profile: Profile, gripper_m: FloatArray, smoothed: _Smoothed) -> Trac
 
 
 def divide_track(
-    track: Track,
-    gripper_m: Point,
-    intrinsics: Intrinsics,
-    *,
-    point_count: int,
-    fixed_levels: float,
-    gripper_std_m: float,
+    track: Track, gripper_m: Point, intrinsics: Intrinsics, *, point_count: int, sources: ErrorSources
 ) -> ChainPoints:
     r"""Put points in the middles of equal segments of the way from the gripper's end point to the hem.
 
@@ -222,22 +216,12 @@ def divide_track(
         Of the image.
     point_count : int
         r; point q = 1..r is at :math:`(2 q - 1) / (2 r)` of the length.
-    fixed_levels : float
-        Standard deviation, in level spacings, of the depth error that does not change with time.
-    gripper_std_m : float
-        Standard uncertainty of each coordinate of the gripper's end point.
+    sources : ErrorSources
+        For the uncertainties, which :func:`~garment_dataset.vision.uncertainty.point_std_m` explains.
 
     Returns
     -------
     ChainPoints
-
-    Notes
-    -----
-    First order, independent causes. Along the ray: the noise of z as seen after smoothing, the fixed error of the
-    columns, and the fine fixed pattern, averaged over the pixels. Of the gripper's x: all of it on x, and on z by the
-    lean of the sheet. Along the cloth, with the direction of the chain: the hem is uncertain by its noise and by a row
-    of pixels, uniform, of which a point takes its share; the hold by its noise, the fixed error and the gripper, of
-    which it takes the rest.
     """
     chain = track.chain
     arc_m = (np.arange(point_count) + 0.5) / point_count * chain.length_m
@@ -245,20 +229,5 @@ def divide_track(
     node_arc_m = np.append(0.0, chain.arc_length_m)
     position_m = np.stack([np.interp(arc_m, node_arc_m, axis) for axis in nodes_m])
     nearest = np.clip(np.searchsorted(chain.arc_length_m, arc_m), 1, chain.arc_length_m.size - 1)
-    direction = chain.position_m[:, nearest] - chain.position_m[:, nearest - 1]
-    direction = direction / np.maximum(np.linalg.norm(direction, axis=0), 1e-12)
-
-    noise_m, lean = track.z_noise_m[nearest], track.x_slope[nearest]
-    independent = np.maximum(chain.pixels[nearest] / PIXELS_PER_INDEPENDENT, 1)
-    fixed_m = level_spacing_m(position_m[2]) * np.sqrt(
-        fixed_levels**2 + (fixed_levels > 0) * FINE_PATTERN_LEVELS**2 / independent
-    )
-    through_m = position_m / position_m[2] * np.hypot(noise_m, fixed_m)
-    share = arc_m / chain.length_m
-    hem_m = np.hypot(track.end_noise_m, chain.position_m[2, -1] / intrinsics.fy_px / np.sqrt(12))
-    hold_m = np.sqrt(track.top_noise_m**2 + fixed_m[0] ** 2 + gripper_std_m**2)
-    along_m = np.hypot(share * hem_m, (1 - share) * hold_m)
-    of_gripper_m = np.stack([np.full(point_count, gripper_std_m), np.zeros(point_count), lean * gripper_std_m])
-    of_depth_m = np.stack([np.zeros(point_count), through_m[1], through_m[2]])
-    std_m = np.sqrt(of_depth_m**2 + of_gripper_m**2 + (direction * along_m) ** 2)
+    std_m = point_std_m(track, position_m, arc_m, (node_arc_m, nodes_m), intrinsics, sources)
     return ChainPoints(position_m, std_m, arc_m, chain.pixels[nearest])
