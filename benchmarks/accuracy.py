@@ -62,6 +62,10 @@ class Method:
 
 THESIS = Method("thesis", {"method": "thesis"}, {"velocity_method": "thesis"})
 DEFAULT = Method("profile")
+EXACT_GRIPPER = Method("profile, gripper exact", {"gripper_std_m": 0.0})
+"""The simulated gripper's end point is known without error: what is stated for it is never used up."""
+
+CALIBRATED = (THESIS, DEFAULT, EXACT_GRIPPER)
 _BARE = {"windows_px": ((4, 7),), "smoothing_frames": (), "flat_field_beyond_m": 100.0}
 STEPS = (
     THESIS,
@@ -170,7 +174,7 @@ def holding_of(recording: Recording) -> str:
 def held_out_section(errors: dict[Recording, list[dict[Line, PointErrors]]]) -> str:
     """Return the tables of the recordings that nothing was chosen on."""
     rows = []
-    for recording, (old, new) in errors.items():
+    for recording, (old, new, *_) in errors.items():
         for method, own in (("thesis", old), ("profile", new)):
             name = f"{recording[0]}, seed {recording[1]}"
             rows.append([name, method, *error_cells(pooled([own], name)[0])])
@@ -187,13 +191,13 @@ def held_out_section(errors: dict[Recording, list[dict[Line, PointErrors]]]) -> 
 
 
 def calibration_section(errors: dict[Recording, list[dict[Line, PointErrors]]]) -> str:
-    """Return mean squares of normalised errors, of all frames by holding."""
+    """Return mean squares of normalised errors by holding, of the methods :data:`CALIBRATED` in all frames."""
     rows = []
     for holding in dict.fromkeys(map(holding_of, errors)):
-        for index, method in enumerate(("thesis", "profile")):
+        for index, method in enumerate(CALIBRATED):
             row = pooled([own[index] for recording, own in errors.items() if holding_of(recording) == holding], "")[0]
             variances = (row.x_variance, row.y_variance, row.z_variance, row.vz_variance)
-            rows.append([holding, method, *(number(value) for value in variances)])
+            rows.append([holding, method.name, *(number(value) for value in variances)])
     return table(["holding", "method", "x", "y", "z", "v_z"], rows)
 
 
@@ -240,17 +244,25 @@ def targets_section(errors: dict[Recording, list[dict[Line, PointErrors]]]) -> s
     return table(["held-out, defaults", "to reach", "together", "worst recording"], rows)
 
 
-def document(notes: str, tuning: str, velocity: str, held_out: dict[Recording, list[dict[Line, PointErrors]]]) -> str:
+def document(
+    notes: str,
+    tuning: dict[Recording, list[dict[Line, PointErrors]]],
+    held_out: dict[Recording, list[dict[Line, PointErrors]]],
+) -> str:
     """Return the page: the notes, with the tables in their places."""
+    by_step = {recording: own[: len(STEPS)] for recording, own in tuning.items()}
+    by_velocity = {recording: own[len(STEPS) : -1] for recording, own in tuning.items()}
+    calibrated = {recording: [own[0], own[len(STEPS) - 1], own[-1]] for recording, own in tuning.items()}
     parts = {
         "TUNING": recordings_text(TUNING),
         "HELD_OUT": recordings_text(HELD_OUT),
         "held-out": held_out_section(held_out),
         "targets": targets_section(held_out),
         "calibration": calibration_section(held_out),
+        "calibration-tuning": calibration_section(calibrated),
         "material": material_section(held_out),
-        "steps": tuning,
-        "velocity": velocity,
+        "steps": steps_section(by_step, STEPS),
+        "velocity": steps_section(by_velocity, VELOCITIES),
     }
     for name, text in parts.items():
         notes = notes.replace(f"<{name}>", text.strip())
@@ -264,21 +276,14 @@ def main() -> None:
     parser.add_argument("--out", type=Path, default=Path("docs/accuracy.md"))
     parser.add_argument("--jobs", type=int, default=2, help="processes")
     options = parser.parse_args()
-    steps = (*STEPS, *VELOCITIES)
+    steps = (*STEPS, *VELOCITIES, EXACT_GRIPPER)
     notes = Path(__file__).with_suffix(".md").read_text("utf-8")
     with ProcessPoolExecutor(options.jobs) as pool:
         wanted = (*TUNING, *HELD_OUT)
         list(pool.map(simulate, wanted, [options.cache] * len(wanted)))
         tuning = list(pool.map(errors_of, TUNING, [options.cache] * len(TUNING), [steps] * len(TUNING)))
-        held = list(pool.map(errors_of, HELD_OUT, [options.cache] * len(HELD_OUT), [(THESIS, DEFAULT)] * len(HELD_OUT)))
-    by_step = {recording: own[: len(STEPS)] for recording, own in zip(TUNING, tuning, strict=True)}
-    by_velocity = {recording: own[len(STEPS) :] for recording, own in zip(TUNING, tuning, strict=True)}
-    text = document(
-        notes,
-        steps_section(by_step, STEPS),
-        steps_section(by_velocity, VELOCITIES),
-        dict(zip(HELD_OUT, held, strict=True)),
-    )
+        held = list(pool.map(errors_of, HELD_OUT, [options.cache] * len(HELD_OUT), [CALIBRATED] * len(HELD_OUT)))
+    text = document(notes, dict(zip(TUNING, tuning, strict=True)), dict(zip(HELD_OUT, held, strict=True)))
     options.out.write_text(text, "utf-8")
     print(f"wrote {options.out}")
 

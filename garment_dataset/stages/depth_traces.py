@@ -145,12 +145,9 @@ def trace_profiles(
         step_m=params.sample_step_m,
         frames=params.smoothing_frames,
     )
-    half_width_px, half_height_px = params.windows_px[-1]
-    sources = ErrorSources(
-        fixed_error_levels(offset, 2.0 * half_width_px, some[0].shape[1]) if on_ladder else None,
-        params.gripper_std_m,
-        flat_pixels=(2 * half_width_px + 1) * (2 * half_height_px + 1) / 2,
-    )
+    window_px = params.windows_px[-1]
+    levels = fixed_error_levels(offset, 2.0 * window_px[0], some[0].shape[1]) if on_ladder else None
+    sources = ErrorSources(levels, params.gripper_std_m, window_px)
     for frame, track in zip(frames, tracks, strict=True):
         if track.chain.length_m < 2 * params.point_count * params.window_half_height_m:
             traces[frame] = Trace(track.chain, reason="short")

@@ -37,7 +37,7 @@ of that is fixed was not measured apart.
 FINE_PATTERN_BLOB_PX = 113.0
 """Pixels of a window that tell as much about that pattern as one independent pixel would.
 
-White noise smoothed by a Gaussian of 3 px, as simulated, has :math:`4 \\pi \\cdot 3^2` px to a blob.
+White noise smoothed by a Gaussian of 3 px, as simulated, has 4 pi 3^2 px to a blob.
 """
 
 _LEVELS = 1053
@@ -192,9 +192,9 @@ def fixed_error_levels(offset_per_m: FloatArray | None, window_px: float, image_
     -----
     Bands of :math:`\sigma` = 0.43 level spacings were measured about the mean over the image, so their mean over n of N
     bands has the variance :math:`\sigma^2 (1/n - 1/N)`, none when all are seen. It is left in columns that were
-    corrected on n bands, and in those that were not, by the n bands in the window. The trend that went with the plane
-    adds :math:`\sigma^2 (u - \bar u)^2 / (n \operatorname{var} u)`. An error that all columns of the image share is part
-    of the camera's calibration and not in here.
+    corrected on n bands, and in those that were not, by the n bands in the window. The trend that was taken for the
+    plane's adds :math:`\sigma^2 (u - \bar u)^2 / (n \operatorname{var} u)`. An error that all columns of the image
+    share is part of the camera's calibration and not in here.
     """
 
     def of_mean(columns: float) -> float:

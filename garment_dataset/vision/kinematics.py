@@ -137,7 +137,8 @@ def local_polynomial(
     Least squares, unweighted, on :math:`\tau = (t_k - t_i) / T` with T the half width of the fit: the slope is
     :math:`\sum_k c_k p_k` with :math:`c = (A^T A)^{-1}_{1,:} A^T / T`, its variance :math:`\sum_k c_k^2 \sigma_k^2`.
     Where the positions scatter more about the polynomial than they should, as where a fold passes, the variance is
-    :math:`s^2 \sum_k c_k^2` instead, :math:`s^2` the sum of squared residuals over the degrees of freedom (Birge, 1932).
+    :math:`s^2 \sum_k c_k^2` instead, with :math:`s^2` the sum of squared residuals over the degrees of freedom (Birge,
+    1932).
     """
     fresh = np.diff(stamp_ns, prepend=stamp_ns[:1] - 1) > 0
     found = _found(position_m)

@@ -104,6 +104,19 @@ def test_uncertainty_of_a_slope_is_the_textbook_one() -> None:
     assert (std_m_s[[0, -1]] > std_m_s[2]).all()
 
 
+def test_positions_that_scatter_more_than_they_say_make_a_slope_uncertain() -> None:
+    """A step of 10 mm where 1 mm is stated: the line through its five frames has a scatter of its own."""
+    stamp_ns = START_NS + 33_333_333 * np.arange(9)
+    position_m = np.zeros((9, 1, 3))
+    position_m[5:] = 0.01
+    _, std_m_s = local_polynomial(stamp_ns, position_m, np.full_like(position_m, 0.001), frames=5, degree=1)
+    away_m = position_m[2:7, 0, 0]
+    line = np.polynomial.Polynomial.fit(np.arange(5), away_m, 1)
+    scatter_m = np.sqrt(((away_m - line(np.arange(5))) ** 2).sum() / 3)
+    np.testing.assert_allclose(std_m_s[4], scatter_m / np.sqrt(10) / 0.033333333)
+    np.testing.assert_allclose(std_m_s[2], 0.001 / np.sqrt(10) / 0.033333333)
+
+
 def test_an_unknown_uncertainty_stays_unknown_and_spoils_no_velocity() -> None:
     stamp_ns = uneven_stamps_ns(9)
     position_m = path(stamp_ns, REST_M, SPEED_M_S)
