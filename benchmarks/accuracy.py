@@ -33,6 +33,12 @@ if TYPE_CHECKING:
 Recording = tuple[str, int]
 """Name and seed."""
 
+Errors = dict[str, PointErrors]
+"""By line, and by :data:`VISIBLE`."""
+
+VISIBLE = "visible"
+"""The points of the visible profile, taken for points of the material line."""
+
 TUNING: tuple[Recording, ...] = (
     ("GreenTowel_Ruler_01_pi16_0.5_R1", 0),
     ("GreenTowel_Ruler_01_pi16_0.5_R1", 1),
@@ -97,11 +103,11 @@ def simulate(recording: Recording, cache: Path) -> None:
         simulate_recording(recording[0], bag.parent, seed=recording[1])
 
 
-def errors_of(recording: Recording, cache: Path, methods: Sequence[Method]) -> list[dict[Line, PointErrors]]:
+def errors_of(recording: Recording, cache: Path, methods: Sequence[Method]) -> list[Errors]:
     """Return the errors of one recording by method, against both lines."""
     bag = bag_of(recording, cache)
     truth = pd.read_parquet(bag.with_suffix(".truth") / "points.parquet")
-    found: list[dict[Line, PointErrors]] = []
+    found: list[Errors] = []
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         tables = decode(bag, DecodeParams())
@@ -111,13 +117,16 @@ def errors_of(recording: Recording, cache: Path, methods: Sequence[Method]) -> l
             )["points"]
             moving = kinematics(points, tables["gripper"], KinematicsParams(**method.motion))["kinematics"]
             frames = points.to_pandas(), moving.to_pandas()
-            found.append({line: point_errors(*frames, truth, line) for line in LINES})
+            own: Errors = {line: point_errors(*frames, truth, line) for line in LINES}
+            visible = frames[0].assign(**{f"material_{axis}_m": frames[0][f"{axis}_m"] for axis in "xyz"})
+            found.append({**own, VISIBLE: point_errors(visible, None, truth, "material")})
     return found
 
 
-def pooled(errors: Iterable[dict[Line, PointErrors]], name: str, line: Line = "surface") -> list[PointScore]:
+def pooled(errors: Iterable[Errors], name: str, key: str = "surface") -> list[PointScore]:
     """Score several recordings as one."""
-    return score_errors(join_errors([own[line] for own in errors]), name, line)
+    line: Line = "surface" if key == "surface" else "material"
+    return score_errors(join_errors([own[key] for own in errors]), name, line)
 
 
 def table(head: Sequence[str], rows: Iterable[Sequence[object]]) -> str:
@@ -153,6 +162,8 @@ TARGETS = (
 ERROR_HEAD = (
     "coverage %", "3-D rms", "median", "95 %", "z rms", "95 %", "v_z rms", "median", "95 %",
 )  # fmt: skip
+LENGTHS = 6
+"""So many of these cells come before the speeds."""
 
 
 def error_cells(row: PointScore) -> list[str]:
@@ -171,7 +182,7 @@ def holding_of(recording: Recording) -> str:
     return recording[0].split("_")[1]
 
 
-def held_out_section(errors: dict[Recording, list[dict[Line, PointErrors]]]) -> str:
+def held_out_section(errors: dict[Recording, list[Errors]]) -> str:
     """Return the tables of the recordings that nothing was chosen on."""
     rows = []
     for recording, (old, new, *_) in errors.items():
@@ -190,7 +201,7 @@ def held_out_section(errors: dict[Recording, list[dict[Line, PointErrors]]]) -> 
     )
 
 
-def calibration_section(errors: dict[Recording, list[dict[Line, PointErrors]]]) -> str:
+def calibration_section(errors: dict[Recording, list[Errors]]) -> str:
     """Return mean squares of normalised errors by holding, of the methods :data:`CALIBRATED` in all frames."""
     rows = []
     for holding in dict.fromkeys(map(holding_of, errors)):
@@ -201,17 +212,16 @@ def calibration_section(errors: dict[Recording, list[dict[Line, PointErrors]]]) 
     return table(["holding", "method", "x", "y", "z", "v_z"], rows)
 
 
-def material_section(errors: dict[Recording, list[dict[Line, PointErrors]]]) -> str:
-    """Return the errors against the material line."""
+def material_section(errors: dict[Recording, list[Errors]], index: int) -> str:
+    """Return the errors against the material line, by recording, of the method of this index."""
     rows = []
-    for holding in dict.fromkeys(map(holding_of, errors)):
-        for index, method in enumerate(("thesis", "profile")):
-            chosen = [own[index] for recording, own in errors.items() if holding_of(recording) == holding]
-            rows.append([holding, method, *error_cells(pooled(chosen, "", "material")[0])])
-    return table(["holding", "method", *ERROR_HEAD], rows)
+    for (name, seed), own in errors.items():
+        for estimate, key in (("material line", "material"), ("visible profile", VISIBLE)):
+            rows.append([f"{name}, {seed}", estimate, *error_cells(pooled([own[index]], "", key)[0])[:LENGTHS]])
+    return table(["recording", "taken for it", *ERROR_HEAD[:LENGTHS]], rows)
 
 
-def steps_section(errors: dict[Recording, list[dict[Line, PointErrors]]], methods: Sequence[Method]) -> str:
+def steps_section(errors: dict[Recording, list[Errors]], methods: Sequence[Method]) -> str:
     """Return what each step brings, by holding."""
     text = ""
     for holding in dict.fromkeys(map(holding_of, errors)):
@@ -228,7 +238,7 @@ def recordings_text(recordings: Sequence[Recording]) -> str:
     return ", ".join(f"`{name}` (seed {seed})" for name, seed in recordings)
 
 
-def targets_section(errors: dict[Recording, list[dict[Line, PointErrors]]]) -> str:
+def targets_section(errors: dict[Recording, list[Errors]]) -> str:
     """Return what was to be reached beside what was, by holding: all recordings together, and the worst."""
     rows = []
     for wanted, holding in ((target, holding) for target in TARGETS for holding in target.limits):
@@ -246,8 +256,8 @@ def targets_section(errors: dict[Recording, list[dict[Line, PointErrors]]]) -> s
 
 def document(
     notes: str,
-    tuning: dict[Recording, list[dict[Line, PointErrors]]],
-    held_out: dict[Recording, list[dict[Line, PointErrors]]],
+    tuning: dict[Recording, list[Errors]],
+    held_out: dict[Recording, list[Errors]],
 ) -> str:
     """Return the page: the notes, with the tables in their places."""
     by_step = {recording: own[: len(STEPS)] for recording, own in tuning.items()}
@@ -260,7 +270,8 @@ def document(
         "targets": targets_section(held_out),
         "calibration": calibration_section(held_out),
         "calibration-tuning": calibration_section(calibrated),
-        "material": material_section(held_out),
+        "material": material_section(held_out, 1),
+        "material-tuning": material_section(tuning, len(STEPS) - 1),
         "steps": steps_section(by_step, STEPS),
         "velocity": steps_section(by_velocity, VELOCITIES),
     }

@@ -94,7 +94,7 @@ CHAINS = TableSpec(
 
 POINTS = TableSpec(
     "points",
-    1,
+    2,
     "one point of one depth frame",
     (
         _FRAME,
@@ -106,6 +106,16 @@ POINTS = TableSpec(
         Column("x_std_m", "float64", "m", "standard uncertainty of x", nullable=True),
         Column("y_std_m", "float64", "m", "standard uncertainty of y", nullable=True),
         Column("z_std_m", "float64", "m", "standard uncertainty of z", nullable=True),
+        *(
+            Column(
+                f"material_{axis}_m",
+                "float64",
+                "m",
+                f"the point on the material line, estimated as the middle of the sheet, {side}; null: cannot be had",
+                nullable=True,
+            )
+            for axis, side in (("x", "right"), ("y", "down"), ("z", "forward"))
+        ),
         Column("arc_length_m", "float64", "m", "along the garment, from the gripper's end point", nullable=True),
         Column("garment_length_m", "float64", "m", "length of the garment the points divide", nullable=True),
         Column("pixels", "int32", "1", "number of pixels the point rests on"),

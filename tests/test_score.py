@@ -37,11 +37,14 @@ def truth_table() -> pd.DataFrame:
     return pd.DataFrame({**columns, "surface_in_image": True})
 
 
-def features(truth: pd.DataFrame, *, shift_m: float = 0.0) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Return points and kinematics that lie on the truth's surface, moved along z."""
+def features(
+    truth: pd.DataFrame, *, shift_m: float = 0.0, material_shift_m: float = 0.0
+) -> tuple[pd.DataFrame, pd.DataFrame]:
+    """Return points and kinematics that lie on the truth's surface and material line, moved along z."""
     keys = truth[["frame", "point", "stamp_ns"]]
     places = {f"{axis}_m": truth[f"surface_{axis}_m"] + shift_m * (axis == "z") for axis in "xyz"}
-    points = keys.assign(**places, **{f"{axis}_std_m": 0.001 for axis in "xyz"})
+    material = {f"material_{axis}_m": truth[f"material_{axis}_m"] + material_shift_m * (axis == "z") for axis in "xyz"}
+    points = keys.assign(**places, **{f"{axis}_std_m": 0.001 for axis in "xyz"}, **material)
     speeds = {f"v{axis}_m_s": truth[f"surface_v{axis}_m_s"] for axis in "xyz"}
     speed_stds = {f"v{axis}_std_m_s": 0.01 for axis in "xyz"}
     moving = keys.assign(velocity_stamp_ns=keys["stamp_ns"], **places, **speeds, **speed_stds)
@@ -79,9 +82,21 @@ def test_root_mean_square_median_and_95_percent_are_told_apart() -> None:
     assert row.z_rmse_m == 0
 
 
-def test_the_material_line_is_another_truth() -> None:
-    row = scored(*features(truth_table()), line="material")[0]
-    assert row.rmse_m == pytest.approx(0.01)
+def test_the_material_line_is_another_truth_for_columns_of_its_own() -> None:
+    points, moving = features(truth_table(), shift_m=0.001, material_shift_m=0.002)
+    points.loc[points["frame"] == 1, ["material_x_m", "material_y_m", "material_z_m"]] = np.nan
+    row = scored(points, moving, line="material")[0]
+    assert (row.coverage, row.rmse_m, row.z_rmse_m) == pytest.approx((0.75, 0.002, 0.002))
+    assert (row.z_variance, row.vz_rmse_m_s, row.vz_variance) == (None, None, None)
+    surface = scored(points, moving)[0]
+    assert (surface.coverage, surface.rmse_m) == pytest.approx((1, 0.001))
+
+
+def test_points_without_a_material_line_say_nothing_about_it() -> None:
+    points, moving = features(truth_table())
+    older = points.drop(columns=["material_x_m", "material_y_m", "material_z_m"])
+    row = scored(older, moving, line="material")[0]
+    assert (row.expected, row.coverage, row.rmse_m) == (FRAMES * POINTS, 0, None)
 
 
 def test_missing_points_lower_coverage_and_nothing_else() -> None:

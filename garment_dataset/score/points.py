@@ -1,7 +1,8 @@
 """Errors of the points and of their velocities against the truth.
 
 Two lines can be meant: the *surface*, what a depth camera sees in the plane x = x_gripper, which is what the points of
-thesis 5.3.4 are on; and the *material* line, fixed to the cloth.
+thesis 5.3.4 are on; and the *material* line, fixed to the cloth, which the columns ``material_*`` estimate where it can
+be had.
 """
 
 from __future__ import annotations
@@ -107,7 +108,8 @@ def point_errors(
     Parameters
     ----------
     points, kinematics : pandas.DataFrame
-        Tables of that name; without kinematics there are no velocities.
+        Tables of that name; without kinematics there are no velocities. The material line has neither uncertainties
+        nor velocities, and nothing at all in tables that were built before it was estimated.
     truth : pandas.DataFrame
         ``points.parquet`` of the truth. Points are matched by frame and number.
     line : {"surface", "material"}
@@ -122,19 +124,20 @@ def point_errors(
 
     def found(table: pd.DataFrame, template: str) -> FloatArray:
         columns = [template.format(axis) for axis in _AXES]
-        values: FloatArray = table.set_index(_KEYS)[columns].reindex(known.index).to_numpy(np.float64)
+        values: FloatArray = table.set_index(_KEYS).reindex(index=known.index, columns=columns).to_numpy(np.float64)
         return values
 
     missing = np.full_like(place, np.nan)
     velocity_m_s, velocity_std_m_s = missing, missing
-    if kinematics is not None:
+    on_surface = line == "surface"
+    if kinematics is not None and on_surface:
         velocity_m_s = found(_at_frames(kinematics, known), "v{}_m_s") - speed
         velocity_std_m_s = found(kinematics, "v{}_std_m_s")
     return PointErrors(
         known.index.get_level_values("point").to_numpy(np.int64),
         expected,
-        found(points, "{}_m") - place,
-        found(points, "{}_std_m"),
+        found(points, "{}_m" if on_surface else "material_{}_m") - place,
+        found(points, "{}_std_m") if on_surface else missing,
         velocity_m_s,
         velocity_std_m_s,
     )

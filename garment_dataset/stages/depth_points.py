@@ -229,7 +229,7 @@ def _chains(stamps_ns: Mapping[int, int], traces: Mapping[int, Trace]) -> pa.Tab
 def _points(stamps_ns: Mapping[int, int], traces: Mapping[int, Trace], point_count: int) -> pa.Table:
     import numpy as np
 
-    position_m, std_m = np.full((2, 3, len(traces), point_count), np.nan)
+    position_m, std_m, material_m = np.full((3, 3, len(traces), point_count), np.nan)
     arc_length_m, garment_length_m = np.full((2, len(traces), point_count), np.nan)
     pixels = np.zeros((len(traces), point_count), np.int64)
     for row, trace in enumerate(traces.values()):
@@ -237,8 +237,11 @@ def _points(stamps_ns: Mapping[int, int], traces: Mapping[int, Trace], point_cou
             position_m[:, row], std_m[:, row] = trace.points.position_m, trace.points.std_m
             arc_length_m[row], garment_length_m[row] = trace.points.arc_length_m, trace.chain.length_m
             pixels[row] = trace.points.pixels
+        if trace.material_m is not None:
+            material_m[:, row] = trace.material_m
     axes = {f"{axis}_m": values.ravel() for axis, values in zip("xyz", position_m, strict=True)}
     axes |= {f"{axis}_std_m": values.ravel() for axis, values in zip("xyz", std_m, strict=True)}
+    axes |= {f"material_{axis}_m": values.ravel() for axis, values in zip("xyz", material_m, strict=True)}
     return POINTS.build(
         {
             "frame": np.repeat(np.array(list(traces), np.int64), point_count),

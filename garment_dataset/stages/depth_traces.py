@@ -27,11 +27,12 @@ shorter than a window is high.
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """What one frame shows of the garment."""
+    """What one frame shows of the garment; ``material_m``, (3, r), are points on its middle line."""
 
     chain: Chain | None = None
     points: ChainPoints | None = None
     reason: Reason | None = None
+    material_m: NDArray[np.float64] | None = None
 
 
 def trace_garment(
@@ -101,6 +102,7 @@ def trace_profiles(
     """
     import numpy as np
 
+    from garment_dataset.vision.centre_line import Centre, divide_centre, smooth_centres, trace_centre
     from garment_dataset.vision.flat_field import column_offsets, fixed_error_levels, inverse_depth_table
     from garment_dataset.vision.profile import Profile, trace_profile
     from garment_dataset.vision.tracking import divide_track, track_profiles
@@ -112,6 +114,7 @@ def trace_profiles(
     offset = column_offsets(some, table, beyond_m=params.flat_field_beyond_m) if on_ladder else None
     traces: dict[int, Trace] = {}
     profiles: dict[int, Profile] = {}
+    centres: list[Centre | None] = []
     for frame, depth_mm in images:
         if depth_mm is None:
             traces[frame] = Trace(reason="image_size")
@@ -132,15 +135,19 @@ def trace_profiles(
             )
             if isinstance(found, Profile):
                 profiles[frame] = found
+                centres.append(
+                    trace_centre(depth_mm, intrinsics, gripper_m, found, band_half_width_m=params.band_half_width_m)
+                )
                 traces[frame] = Trace()
             else:
                 traces[frame] = Trace(reason=found)
     if not profiles:
         return traces
     frames = list(profiles)
+    profile_stamps_ns = np.array([stamps_ns[frame] for frame in frames], np.int64)
     tracks = track_profiles(
         list(profiles.values()),
-        np.array([stamps_ns[frame] for frame in frames], np.int64),
+        profile_stamps_ns,
         np.array([grippers_m[frame] for frame in frames]),
         step_m=params.sample_step_m,
         frames=params.smoothing_frames,
@@ -148,10 +155,12 @@ def trace_profiles(
     window_px = params.windows_px[-1]
     levels = fixed_error_levels(offset, 2.0 * window_px[0], some[0].shape[1]) if on_ladder else None
     sources = ErrorSources(levels, params.gripper_std_m, window_px)
-    for frame, track in zip(frames, tracks, strict=True):
+    centres = smooth_centres(centres, profile_stamps_ns, frames=params.smoothing_frames)
+    for frame, track, centre in zip(frames, tracks, centres, strict=True):
         if track.chain.length_m < 2 * params.point_count * params.window_half_height_m:
             traces[frame] = Trace(track.chain, reason="short")
             continue
         points = divide_track(track, grippers_m[frame], intrinsics, point_count=params.point_count, sources=sources)
-        traces[frame] = Trace(track.chain, points)
+        material_m = None if centre is None else divide_centre(centre, track, grippers_m[frame], params.point_count)
+        traces[frame] = Trace(track.chain, points, material_m=material_m)
     return traces

@@ -145,7 +145,9 @@ def test_frames_that_cannot_be_used_have_rows_with_a_reason_or_none(write_bag: W
     reasons = points.groupby("frame")["reason"].first()
     assert reasons[[2, 3, 4, 5, 6]].tolist() == ["no_gripper", "no_pixels", "gap", "short", "image_size"]
     assert reasons[[0, 7]].isna().all()
-    numbers = points.drop(columns=["frame", "stamp_ns", "point", "reason", "pixels"])
+    material = [f"material_{axis}_m" for axis in "xyz"]
+    assert points[material].isna().all(axis=None)
+    numbers = points.drop(columns=["frame", "stamp_ns", "point", "reason", "pixels", *material])
     assert numbers[points["reason"].notna()].isna().all(axis=None)
     assert numbers[points["reason"].isna()].notna().all(axis=None)
     assert (points.loc[points["reason"].notna(), "pixels"] == 0).all()

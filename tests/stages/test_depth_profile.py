@@ -75,6 +75,10 @@ def test_it_is_the_default_and_finds_a_towel_of_64_cm(recorder: Any, ros: Any) -
     np.testing.assert_allclose(points["z_m"], 1.065)
     np.testing.assert_allclose(points["arc_length_m"], shares * points["garment_length_m"])
     assert (points[["x_std_m", "y_std_m", "z_std_m"]] > 0).all(axis=None)
+    middle_m = (159.5 - K["cx_px"]) / K["fx_px"] * 1.065
+    np.testing.assert_allclose(points["material_x_m"], middle_m, atol=1e-9)
+    np.testing.assert_allclose(points["material_y_m"], points["y_m"], atol=1e-9)
+    np.testing.assert_allclose(points["material_z_m"], 1.065)
     chains = tables["chains"].to_pandas()
     first = chains[chains["frame"] == 0]
     assert first["y_m"].iloc[0] == GRIPPER_M[1]
