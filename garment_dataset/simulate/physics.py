@@ -131,7 +131,7 @@ class _Sheet:
         self._mujoco = import_mujoco()
         self._model = self._mujoco.MjModel.from_xml_string(model_xml(spec, mesh, swing, step_s))
         self._data = self._mujoco.MjData(self._model)
-        self._mesh, self._swing, self._step_s = mesh, swing, step_s
+        self._mesh, self._swing = mesh, swing
         self._free = np.setdiff1d(np.arange(len(mesh.material_m)), mesh.held)
         flat = np.column_stack([mesh.material_m, np.zeros(len(mesh.material_m))])
         self._model.flex_vert[mesh.held] = shape_m[mesh.held]

@@ -8,6 +8,7 @@ from pydantic import Field
 
 from garment_dataset.engine.stage import Stage, StageParams
 from garment_dataset.errors import BagError
+from garment_dataset.stages.inputs import image_topic, usable_stamps_ns
 from garment_dataset.tables import BACKGROUND
 
 if TYPE_CHECKING:
@@ -68,9 +69,7 @@ def background(bag: Path, frames: pa.Table, params: BackgroundParams) -> dict[st
         )
     accumulator = BackgroundAccumulator()
     with open_bag(bag) as opened:
-        if (topic := opened.image_topic(params.color_topic)) is None:
-            found = ", ".join(opened.topics)
-            raise BagError("no colour images", where=bag.name, expected=params.color_topic, found=found)
+        topic = image_topic(opened, params.color_topic, "color")
         for image in opened.images(topic, "color"):
             if image.index in wanted:
                 accumulator.add(image.pixels())
@@ -107,8 +106,7 @@ def background_model(table: pa.Table) -> Background:
 
 def _frames_within(frames: pa.Table, params: BackgroundParams) -> set[int]:
     """Return the usable colour frames of the interval."""
-    rows = zip(*(frames[name].to_pylist() for name in ("stream", "frame", "stamp_ns", "fault")), strict=True)
-    stamps_ns = {frame: stamp_ns for stream, frame, stamp_ns, fault in rows if stream == "color" and fault is None}
+    stamps_ns = usable_stamps_ns(frames, "color")
     if not stamps_ns:
         return set()
     first_ns = min(stamps_ns.values())

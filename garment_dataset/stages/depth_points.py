@@ -11,6 +11,7 @@ from pydantic import Field
 from garment_dataset.engine.stage import Stage, StageParams
 from garment_dataset.errors import BagError, DataWarning
 from garment_dataset.stages.depth_traces import Trace, trace_garment, trace_profiles
+from garment_dataset.stages.inputs import image_topic, known_grippers_m, usable_stamps_ns
 from garment_dataset.tables import CHAINS, POINTS
 
 if TYPE_CHECKING:
@@ -22,7 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from garment_dataset.bags import Bag
-    from garment_dataset.vision.cloud import Intrinsics, Point
+    from garment_dataset.vision.cloud import Intrinsics
 
 
 class DepthPointsParams(StageParams):
@@ -129,15 +130,13 @@ def depth_points(
     """
     from garment_dataset.bags import open_bag
 
-    stamps_ns = _usable_stamps_ns(frames)
+    stamps_ns = usable_stamps_ns(frames, "depth")
     traces: dict[int, Trace] = {}
     if stamps_ns:
         shape, intrinsics = _depth_camera(bag, camera)
-        grippers_m = _grippers_m(gripper)
+        grippers_m = known_grippers_m(gripper, "depth")
         with open_bag(bag) as opened:
-            if (topic := opened.image_topic(params.depth_topic)) is None:
-                found = ", ".join(opened.topics)
-                raise BagError("no depth images", where=bag.name, expected=params.depth_topic, found=found)
+            topic = image_topic(opened, params.depth_topic, "depth")
             images = _Images(opened, topic, frozenset(stamps_ns), shape)
             if params.method == "thesis":
                 for frame, depth_mm in images:
@@ -168,13 +167,6 @@ class _Images:
                 yield image.index, depth_mm if depth_mm.shape == self.shape else None
 
 
-def _usable_stamps_ns(frames: pa.Table) -> dict[int, int]:
-    """Return the stamp of every usable depth frame, by its index."""
-    names = ("stream", "frame", "stamp_ns", "fault")
-    rows = zip(*(frames[name].to_pylist() for name in names), strict=True)
-    return {frame: stamp_ns for stream, frame, stamp_ns, fault in rows if stream == "depth" and fault is None}
-
-
 def _depth_camera(bag: Path, camera: pa.Table) -> tuple[tuple[int, int], Intrinsics]:
     """Return the shape that images must have, and their K."""
     from garment_dataset.vision.cloud import Intrinsics
@@ -184,12 +176,6 @@ def _depth_camera(bag: Path, camera: pa.Table) -> tuple[tuple[int, int], Intrins
             intrinsics = Intrinsics(row["fx_px"], row["fy_px"], row["cx_px"], row["cy_px"])
             return (row["height_px"], row["width_px"]), intrinsics
     raise BagError("no camera for the depth images", where=bag.name)
-
-
-def _grippers_m(gripper: pa.Table) -> dict[int, Point]:
-    """Return the end point of the gripper by depth frame, where it is known."""
-    rows = zip(*(gripper[name].to_pylist() for name in ("stream", "frame", "x_m", "y_m", "z_m")), strict=True)
-    return {frame: (x, y, z) for stream, frame, x, y, z in rows if stream == "depth" and None not in {x, y, z}}
 
 
 def _warn_of_gaps(where: str, traces: Mapping[int, Trace]) -> None:

@@ -12,6 +12,7 @@ from pydantic import Field, model_validator
 from garment_dataset.engine.stage import Stage, StageParams
 from garment_dataset.errors import BagError, DataWarning
 from garment_dataset.stages.background import background_model
+from garment_dataset.stages.inputs import image_topic, known_grippers_m, usable_stamps_ns
 from garment_dataset.tables import SILHOUETTES
 
 if TYPE_CHECKING:
@@ -133,13 +134,11 @@ def silhouette(
 
     model = background_model(background)
     subtractor = _subtractor(model, params)
-    stamps_ns = _usable_stamps_ns(frames)
+    stamps_ns = usable_stamps_ns(frames, "color")
     grippers = _grippers(bag, camera, gripper) if params.remove_gripper else {}
     rows: list[Row] = []
     with open_bag(bag) as opened:
-        if (topic := opened.image_topic(params.color_topic)) is None:
-            found = ", ".join(opened.topics)
-            raise BagError("no colour images", where=bag.name, expected=params.color_topic, found=found)
+        topic = image_topic(opened, params.color_topic, "color")
         for image in opened.images(topic, "color"):
             if image.index in stamps_ns:
                 held = grippers.get(image.index)
@@ -252,22 +251,15 @@ def _surroundings(held: _Gripper, shape: tuple[int, ...], radius_m: float) -> ND
     return disc
 
 
-def _usable_stamps_ns(frames: pa.Table) -> dict[int, int]:
-    """Return the stamp of every usable colour frame, by its index."""
-    rows = zip(*(frames[name].to_pylist() for name in ("stream", "frame", "stamp_ns", "fault")), strict=True)
-    return {frame: stamp_ns for stream, frame, stamp_ns, fault in rows if stream == "color" and fault is None}
-
-
 def _grippers(bag: Path, camera: pa.Table, gripper: pa.Table) -> Mapping[int, _Gripper]:
     """Project the end point into every colour frame in which it is known and before the camera: eq. (5.6)."""
     k = next((row for row in camera.to_pylist() if row["stream"] == "color"), None)
     if k is None:
         hint = "Calibrate it, or set remove_gripper = false under [params.silhouette]."
         raise BagError("no camera for the colour images, so the gripper cannot be removed", where=bag.name, hint=hint)
-    names = ("stream", "frame", "x_m", "y_m", "z_m")
     found: dict[int, _Gripper] = {}
-    for stream, frame, x, y, z in zip(*(gripper[name].to_pylist() for name in names), strict=True):
-        if stream == "color" and None not in {x, y, z} and z > 0:
+    for frame, (x, y, z) in known_grippers_m(gripper, "color").items():
+        if z > 0:
             u_px, v_px = k["fx_px"] * x / z + k["cx_px"], k["fy_px"] * y / z + k["cy_px"]
             found[frame] = _Gripper(u_px, v_px, k["fy_px"] / z)
     return found
