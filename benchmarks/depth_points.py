@@ -17,7 +17,7 @@ import numpy as np
 
 from garment_dataset.stages.depth_points import DepthPointsParams
 from garment_dataset.stages.depth_traces import trace_garment, trace_profiles
-from garment_dataset.vision.cloud import Intrinsics
+from garment_dataset.vision.depth.cloud import Intrinsics
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -111,7 +111,7 @@ def main() -> None:
         write_project(root, subjects)
         engine = [sys.executable, "run.py", str(STAGES)]
         make = ["make", "--silent", "-f", "toy.mk"]
-        start = median_of([sys.executable, "-c", "import garment_dataset.building"], root, ROUNDS)
+        start = median_of([sys.executable, "-c", "import garment_dataset.workspace.session"], root, ROUNDS)
         rows = [("engine", "cold", timed(engine, root)), ("make", "cold", timed(make, root))]
         rows += [("engine", "nothing to do", median_of(engine, root, ROUNDS))]
         rows += [("make", "nothing to do", median_of(make, root, ROUNDS))]

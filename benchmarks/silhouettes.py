@@ -17,11 +17,11 @@ import numpy as np
 from scipy import ndimage  # type: ignore[import-untyped]
 from skimage import measure, morphology
 
-from garment_dataset.vision.axes import Axes, region_axes
-from garment_dataset.vision.background import Background, BackgroundAccumulator
-from garment_dataset.vision.central_curve import central_curves
-from garment_dataset.vision.masks import borders, encode_mask
-from garment_dataset.vision.silhouette import BackgroundSubtractor
+from garment_dataset.vision.color.axes import Axes, region_axes
+from garment_dataset.vision.color.background import Background, BackgroundAccumulator
+from garment_dataset.vision.color.central_curve import central_curves
+from garment_dataset.vision.color.masks import borders, encode_mask
+from garment_dataset.vision.color.silhouette import BackgroundSubtractor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence

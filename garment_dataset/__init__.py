@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from garment_dataset.catalog import Catalog
-    from garment_dataset.features import load_features, open_features
+    from garment_dataset.features.reading import load_features, open_features
     from garment_dataset.workspace import Workspace
 
 __all__ = ["Catalog", "Workspace", "load_features", "open_features"]
@@ -21,8 +21,8 @@ __all__ = ["Catalog", "Workspace", "load_features", "open_features"]
 _HOMES = {
     "Catalog": "garment_dataset.catalog",
     "Workspace": "garment_dataset.workspace",
-    "load_features": "garment_dataset.features",
-    "open_features": "garment_dataset.features",
+    "load_features": "garment_dataset.features.reading",
+    "open_features": "garment_dataset.features.reading",
 }
 
 

@@ -1,80 +1,40 @@
-"""What a user can get wrong, one class each.
+"""What a user can get wrong, one class each; their root is :class:`GarmentError`.
 
-Every message is one line with the same five parts: *what* is wrong, *where*, what was *expected*, what was *found*
-and what to do next (*hint*). The command line prints that line and nothing else; a bug keeps its traceback.
+The form of their messages, and the errors of the engine itself, are in :mod:`garment_dataset.engine.errors`.
 """
 
 from __future__ import annotations
 
-from typing import ClassVar
+from garment_dataset.engine.errors import (
+    DataWarning,
+    SourceError,
+    StageError,
+    StoreError,
+    TableError,
+    UntraceableCodeError,
+)
+from garment_dataset.engine.errors import ReportedError as GarmentError
 
-
-class GarmentError(Exception):
-    """Root of everything a user can cause or mend.
-
-    Parameters
-    ----------
-    what : str
-        What is wrong, in a few words.
-    where : object, optional
-        The file, row, message or option concerned.
-    expected, found : object, optional
-        What should have been there and what was there instead.
-    hint : str, optional
-        What to do next.
-    """
-
-    exit_code: ClassVar[int] = 2
-
-    def __init__(
-        self,
-        what: str,
-        *,
-        where: object = None,
-        expected: object = None,
-        found: object = None,
-        hint: str | None = None,
-    ) -> None:
-        super().__init__(what)
-        self.what = what
-        self.where = None if where is None else str(where)
-        self.expected = None if expected is None else str(expected)
-        self.found = None if found is None else str(found)
-        self.hint = hint
-
-    def __str__(self) -> str:
-        text = self.what if self.where is None else f"{self.where}: {self.what}"
-        facts = [
-            f"{label} {value}"
-            for label, value in (("expected", self.expected), ("found", self.found))
-            if value is not None
-        ]
-        if facts:
-            text += ": " + ", ".join(facts)
-        if self.hint:
-            text += f". {self.hint}"
-        return " ".join(text.split())
-
-    def __reduce__(self) -> tuple[object, ...]:
-        """Cross a process boundary whole: pickle's default would lose the keyword-only parts."""
-        return _rebuild, (type(self), self.__dict__.copy(), self.args)
-
-    def parts(self) -> dict[str, str | None]:
-        """Return the parts for ``--json``."""
-        return {
-            "error": type(self).__name__,
-            "what": self.what,
-            "where": self.where,
-            "expected": self.expected,
-            "found": self.found,
-            "hint": self.hint,
-        }
-
-
-def _rebuild(kind: type[GarmentError], state: dict[str, object], args: tuple[str, ...]) -> GarmentError:
-    error = kind.__new__(kind, *args)
-    error.__dict__.update(state)
-    return error
+__all__ = [
+    "BagError",
+    "CatalogError",
+    "DataWarning",
+    "FilterError",
+    "GarmentError",
+    "MessageError",
+    "MissingExtraError",
+    "PictureError",
+    "PipelineError",
+    "RecordingNameError",
+    "SourceError",
+    "StageError",
+    "StoreError",
+    "TableError",
+    "TransformError",
+    "UntraceableCodeError",
+    "UsageError",
+    "WorkspaceError",
+]
 
 
 class RecordingNameError(GarmentError):
@@ -82,7 +42,11 @@ class RecordingNameError(GarmentError):
 
 
 class FilterError(GarmentError):
-    """A filter term that names no column or cannot be read."""
+    """A filter term that names no column or cannot be read, or filters that nothing matches."""
+
+
+class UsageError(GarmentError):
+    """A command that asks for what does not exist, or for what does not go together."""
 
 
 class CatalogError(GarmentError):
@@ -97,14 +61,6 @@ class PipelineError(GarmentError):
     """A pipeline file that names an unknown stage, parameter or recording."""
 
 
-class StageError(GarmentError):
-    """A stage whose declaration does not fit together."""
-
-
-class UntraceableCodeError(GarmentError):
-    """Code that a stage reaches in a way that cannot be followed statically."""
-
-
 class BagError(GarmentError):
     """A recording that cannot be opened or read."""
 
@@ -117,17 +73,9 @@ class TransformError(GarmentError):
     """A question that the recorded transforms cannot answer."""
 
 
-class TableError(GarmentError):
-    """Columns that do not fit the declared schema of a table."""
-
-
-class StoreError(GarmentError):
-    """A stored result that is missing or damaged."""
+class PictureError(GarmentError):
+    """Bytes or pixels that are no picture of the kind or size needed."""
 
 
 class MissingExtraError(GarmentError):
     """A command whose optional dependencies are not installed."""
-
-
-class DataWarning(UserWarning):
-    """Something in the data that was left out of a result, and that its owner should know of."""

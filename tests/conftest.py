@@ -239,10 +239,24 @@ def sample_bags(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
     }
 
 
+DEPTH_PIPELINE = 'recordings = ["axis=R"]\nstages = ["decode", "depth_points", "kinematics"]\n'
+COLOR_PIPELINE = 'recordings = ["axis=B"]\nstages = ["decode", "background", "silhouette", "central_curve"]\n'
+
+
+def make_workspace(root: Path) -> Workspace:
+    """Make a workspace whose pipelines are its own: what the package ships may change."""
+    made = Workspace.create(root)
+    for path in made.pipelines_dir.glob("*.toml"):
+        path.unlink()
+    (made.pipelines_dir / "depth.toml").write_text(DEPTH_PIPELINE)
+    (made.pipelines_dir / "colour.toml").write_text(COLOR_PIPELINE)
+    return made
+
+
 @pytest.fixture
 def workspace(tmp_path: Path, sample_bags: dict[str, Path]) -> Workspace:
     """A new workspace with links to the sample bags."""
-    made = Workspace.create(tmp_path / "workspace")
+    made = make_workspace(tmp_path / "workspace")
     for name, path in sample_bags.items():
         (made.recordings_dir / f"{name}.bag").symlink_to(path)
     return made
@@ -261,7 +275,7 @@ def color_workspace(tmp_path: Path) -> Workspace:
 
     The third shows its own empty scene for three frames, and backgrounds.csv says so.
     """
-    made = Workspace.create(tmp_path / "color")
+    made = make_workspace(tmp_path / "color")
     *_, third = COLOR_RECORDINGS
     for seed, name in enumerate(COLOR_RECORDINGS):
         write_color_recording(made.recordings_dir / f"{name}.bag", seed=seed, empty_frames=3 * (name == third))

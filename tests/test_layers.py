@@ -12,52 +12,102 @@ import pytest
 import garment_dataset
 
 PACKAGE = Path(garment_dataset.__file__).parent
-FLOORS = [
-    {"errors"},
-    {"names", "vision", "table_spec", "tables", "engine", "filters", "workspace_files"},
-    {"catalog", "catalog_rows", "catalog_tables", "bag_folder", "bags", "lint"},
-    {"stages"},
-    {"pipelines", "building", "workspace", "features", "view", "simulate", "score"},
-    {"cli"},
-]
+MAY_IMPORT: dict[str, set[str]] = {
+    "engine": set(),
+    "errors": {"engine"},
+    "arrays": set(),
+    "layout": {"errors"},
+    "vision": {"arrays", "errors"},
+    "catalog": {"errors", "layout"},
+    "bags": {"arrays", "errors"},
+    "stages": {"arrays", "bags", "engine", "errors", "vision"},
+    "features": {"engine", "errors", "layout"},
+    "workspace": {"catalog", "engine", "errors", "layout", "stages"},
+    "score": {"arrays", "errors", "features", "layout", "vision"},
+    "view": {"arrays", "bags", "catalog", "errors", "features", "layout"},
+    "simulate": {"arrays", "catalog", "engine", "errors"},
+    "cli": {
+        *("catalog", "engine", "errors", "features", "layout", "score", "simulate", "stages", "view", "vision"),
+        "workspace",
+    },
+}
+"""Which rooms each room may import, beside itself: docs/architecture.md says why."""
 HEAVY = {"numpy", "pandas", "pyarrow", "cv2", "rosbags", "duckdb", "matplotlib", "mujoco", "blake3", "rich.console"}
 
 
+def module_name(path: Path) -> str:
+    parts = path.relative_to(PACKAGE.parent).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
+
+
+MODULES = {module_name(path): path for path in sorted(PACKAGE.rglob("*.py"))}
+
+
 def room_of(module: str) -> str:
-    return module.split(".")[1] if "." in module else "__init__"
+    """Return the room of a module; that of the package itself is the one whose names it shows."""
+    return [*module.split("."), "garment_dataset"][1]
 
 
 def imports_of(path: Path) -> set[str]:
-    """Return the first-party modules that a file imports when it runs; those for type checkers are left out."""
-    tree = ast.parse(path.read_text("utf-8"))
-    for node in ast.walk(tree):
-        if isinstance(node, ast.If) and isinstance(node.test, ast.Name) and node.test.id == "TYPE_CHECKING":
-            node.body = [ast.Pass()]
+    """Return the first-party modules that a file imports, anywhere: in functions and for type checkers, too."""
     found = set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("garment_dataset"):
+    for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+        if isinstance(node, ast.ImportFrom):
             assert node.level == 0, f"{path}: relative import"
-            for alias in node.names:
-                found.add(f"{node.module}.{alias.name}")
+            names = [f"{node.module}.{alias.name}" for alias in node.names]
+            found |= {name if name in MODULES else str(node.module) for name in names}
         elif isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names if alias.name.startswith("garment_dataset")}
-    return found
+            found |= {alias.name for alias in node.names}
+    return found & MODULES.keys()
 
 
-@pytest.mark.parametrize("path", sorted(PACKAGE.rglob("*.py")), ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_imports_run_one_way(path: Path) -> None:
-    room = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-    if room == "__init__":
-        return
-    height = {name: number for number, floor in enumerate(FLOORS) for name in floor}
-    assert room in height, f"give {room} a floor in this test"
-    for module in imports_of(path):
-        other = room_of(module)
-        assert other == room or height[other] <= height[room], f"{path.name} imports {module}, which lies above it"
-    if room == "engine":
-        assert {room_of(module) for module in imports_of(path)} <= {"engine", "errors"}
-    if room == "vision":
-        assert {room_of(module) for module in imports_of(path)} <= {"vision", "errors"}
+IMPORTS = {name: imports_of(path) - {name} for name, path in MODULES.items()}
+
+
+def circle_in(arrows: dict[str, set[str]]) -> list[str]:
+    """Return names that lead from one to the next and back, or nothing."""
+    done: set[str] = set()
+
+    def follow(name: str, above: list[str]) -> list[str]:
+        if name in above:
+            return [*above[above.index(name) :], name]
+        if name not in done:
+            for other in sorted(arrows[name]):
+                if found := follow(other, [*above, name]):
+                    return found
+            done.add(name)
+        return []
+
+    return next((found for name in sorted(arrows) if (found := follow(name, []))), [])
+
+
+@pytest.mark.parametrize("name", [name for name in MODULES if name != "garment_dataset"])
+def test_imports_run_one_way(name: str) -> None:
+    room = room_of(name)
+    assert room in MAY_IMPORT, f"say in this test what {room} may import"
+    for other in IMPORTS[name]:
+        assert room_of(other) in MAY_IMPORT[room] | {room}, f"{name} imports {other}"
+
+
+def test_modules_do_not_import_each_other_in_a_circle() -> None:
+    assert circle_in(IMPORTS) == []
+
+
+def test_rooms_do_not_import_each_other_in_a_circle() -> None:
+    rooms: dict[str, set[str]] = {room_of(name): set() for name in MODULES}
+    for name, others in IMPORTS.items():
+        rooms[room_of(name)] |= {room_of(other) for other in others} - {room_of(name)}
+    assert circle_in(rooms) == []
+
+
+def test_a_circle_would_be_found() -> None:
+    assert circle_in({"a": {"b"}, "b": {"c"}, "c": {"b"}}) == ["b", "c", "b"]
+
+
+def test_every_arrow_that_is_allowed_is_there() -> None:
+    for room, allowed in MAY_IMPORT.items():
+        used = {room_of(other) for name, others in IMPORTS.items() if room_of(name) == room for other in others}
+        assert allowed <= used, f"{room} does not import {allowed - used}: say so in this test"
 
 
 @pytest.mark.parametrize("room", ["vision", "stages", "cli", "engine"])
@@ -77,7 +127,7 @@ def loaded_by(code: str) -> set[str]:
     "code",
     [
         "import garment_dataset.cli",
-        "import garment_dataset.stages, garment_dataset.building, garment_dataset.lint",
+        "import garment_dataset.stages, garment_dataset.workspace.session, garment_dataset.catalog.lint",
         "from garment_dataset.cli import app\ntry: app(['--help'])\nexcept SystemExit: pass",
     ],
 )

@@ -10,14 +10,16 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, print_json, print_table, say
-from garment_dataset.errors import FilterError
+from garment_dataset.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from garment_dataset.building import Session
-    from garment_dataset.engine.plan import Decision, Plan, Reason
-    from garment_dataset.engine.run import Report
+    from garment_dataset.engine.events import Report
+    from garment_dataset.engine.facts import Reason
+    from garment_dataset.engine.graph import NodeId
+    from garment_dataset.engine.plan import Decision, Plan
+    from garment_dataset.workspace.session import Session
 
 StageOption = Annotated[
     list[str] | None, typer.Option("--stage", "-s", help="Only this stage and what feeds it; may be repeated.")
@@ -61,7 +63,7 @@ def build(
         open_nodes = [decision for decision in plan if force or decision.state != "fresh"]
         try:
             with progress(len(open_nodes)) as tell:
-                report = session.build(plan, jobs=jobs, retry_failed=failed, forced=force, emit=tell)
+                report = session.run(plan, jobs=jobs, retry_failed=failed, forced=force, emit=tell)
         except KeyboardInterrupt:
             say("garment: interrupted; what was finished is kept, `garment build` goes on from there")
             raise typer.Exit(130) from None
@@ -95,14 +97,14 @@ def why(
         tracebacks = {key: failure.traceback for key, failure in session.store.index.failures().items()}
         absent = [row.recording for row in session.selection.absent]
     if not decisions:
-        raise FilterError(
+        raise UsageError(
             "nothing is built of it",
             where=recording,
             found="no bag in the recordings folder" if absent else "no pipeline names it",
             hint="`garment dag` shows which pipelines there are.",
         )
     if as_json:
-        print_json([decision.to_json() for decision in decisions])
+        print_json([_record(decision) for decision in decisions])
         return
     for decision in decisions:
         print(f"{decision.node}: {_verdict(decision)}")
@@ -127,9 +129,9 @@ def dag(
 ) -> None:
     """Draw the graph of stages: what each reads, and which tables it makes."""
     from garment_dataset.cli import dag as drawing
-    from garment_dataset.workspace import Workspace
+    from garment_dataset.layout import Layout
 
-    pipelines = drawing.load(Workspace.find(workspace))
+    pipelines = drawing.load(Layout.find(workspace))
     if as_json:
         print_json(drawing.to_json(pipelines))
     elif form is DagForm.MERMAID:
@@ -139,10 +141,10 @@ def dag(
 
 
 def _session(workspace: Path | None, filters: Sequence[str], stages: Sequence[str]) -> Session:
-    from garment_dataset.building import Session
-    from garment_dataset.workspace import Workspace
+    from garment_dataset.layout import Layout
+    from garment_dataset.workspace.session import Session
 
-    return Session(Workspace.find(workspace), filters, stages)
+    return Session(Layout.find(workspace), filters, stages)
 
 
 def _refuse_nothing(session: Session, plan: Plan) -> None:
@@ -150,13 +152,24 @@ def _refuse_nothing(session: Session, plan: Plan) -> None:
         return
     absent = len(session.selection.absent)
     found = f"{absent} recordings of the catalog without a bag" if absent else "no recording"
-    raise FilterError(
+    raise UsageError(
         "nothing to build",
-        where=session.workspace.recordings_dir,
+        where=session.layout.recordings_dir,
         expected="bags of recordings that a pipeline names",
         found=found,
         hint="`garment list` shows which there are.",
     )
+
+
+def _named(node: NodeId) -> dict[str, Any]:
+    """Return a node's names as JSON; the subject of a camera position or a group stands there, too."""
+    return {"stage": node.stage, "recording": node.subject, "variant": node.variant or None}
+
+
+def _record(decision: Decision) -> dict[str, Any]:
+    """Return a decision as JSON, in the product's words."""
+    own = {name: value for name, value in decision.to_json().items() if name not in {"stage", "subject", "variant"}}
+    return {**_named(decision.node), **own}
 
 
 def _verdict(decision: Decision) -> str:
@@ -172,7 +185,7 @@ def _show_plan(plan: Plan, session: Session, *, as_json: bool) -> None:
     absent = len(session.selection.absent)
     if as_json:
         counts = {state.value: count for state, count in plan.counts().items()}
-        print_json({"counts": counts, "absent": absent, "decisions": [decision.to_json() for decision in decisions]})
+        print_json({"counts": counts, "absent": absent, "decisions": [_record(decision) for decision in decisions]})
         return
     if decisions and not plan.is_fresh:
         _print_matrix(decisions, session)
@@ -181,6 +194,7 @@ def _show_plan(plan: Plan, session: Session, *, as_json: bool) -> None:
     print(f"{_results(len(decisions))} of {_recordings(session)}: {counts_text or 'nothing to build'}")
     if absent:
         print(f"{absent} recordings of the catalog have no bag here (`garment list state=missing`)")
+    _say_partial(session)
 
 
 def _print_matrix(decisions: list[Decision], session: Session) -> None:
@@ -188,7 +202,8 @@ def _print_matrix(decisions: list[Decision], session: Session) -> None:
     states: dict[str, dict[str, str]] = {}
     for decision in decisions:
         mark = "" if decision.certain else "?"
-        states.setdefault(decision.node.subject, {})[decision.node.stage] = decision.state.value + mark
+        variant = f" ({decision.node.variant})" if decision.node.variant else ""
+        states.setdefault(decision.node.subject + variant, {})[decision.node.stage] = decision.state.value + mark
     rows = [
         [subject, *(by_stage.get(stage, "") for stage in stages)]
         for subject, by_stage in states.items()
@@ -224,23 +239,29 @@ def _say_idle(plan: Plan, session: Session, *, as_json: bool) -> None:
     say("nothing to do: " + ", ".join(f"{count} {state}" for state, count in counts.items()))
 
 
+def _say_partial(session: Session) -> None:
+    if session.partial_groups:
+        names = ", ".join(dict.fromkeys(node.subject for node in session.partial_groups))
+        say(f"left out, since not all of their recordings are selected: {names}")
+
+
 def _say_blocked(session: Session) -> None:
     for message in dict.fromkeys(node.blocked for node in session.graph if node.blocked is not None):
         say(f"blocked: {message}")
 
 
 def _summarise(report: Report, session: Session, *, as_json: bool) -> None:
-    from garment_dataset.engine.run import Ending
+    from garment_dataset.engine.events import Ending
 
     counts = {ending.value: len(report.of(ending)) for ending in Ending}
     failures = report.of(Ending.FAILED)
     if as_json:
         events: list[dict[str, Any]] = [
             {
-                "stage": event.node.stage,
-                "recording": event.node.subject,
+                **_named(event.node),
                 "ending": event.ending.value,
                 "message": event.message,
+                "is_repeated": event.is_repeated,
                 "notes": list(event.notes),
             }
             for event in report.events.values()
@@ -252,9 +273,10 @@ def _summarise(report: Report, session: Session, *, as_json: bool) -> None:
             say(f"  {event.node}: {event.message}")
         say("`garment why NAME` shows where; `garment build --failed` tries again")
     _say_blocked(session)
+    _say_partial(session)
     say(", ".join(f"{count} {name}" for name, count in counts.items() if count))
     if report.of(Ending.BUILT) or report.of(Ending.LINKED):
-        say(f"results: {session.workspace.features_dir}")
+        say(f"results: {session.layout.features_dir}")
     if failures:
         raise typer.Exit(1)
 

@@ -19,14 +19,14 @@ from garment_dataset.cli.output import (
     print_table,
     say,
 )
-from garment_dataset.errors import FilterError
+from garment_dataset.errors import UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
 
     from garment_dataset.catalog import BackgroundSource, Catalog, CatalogRow
-    from garment_dataset.filters import Kind
-    from garment_dataset.lint import Finding
+    from garment_dataset.catalog.filters import Kind
+    from garment_dataset.catalog.lint import Finding
     from garment_dataset.workspace import Workspace
 
 FINDING_KEYS: dict[str, Kind] = {"recording": str, "code": str, "severity": str}
@@ -74,7 +74,7 @@ def show(
         return
     topics = catalog.topics(row.topics_file)
     if as_json:
-        background = dataclasses.asdict(catalog.background(row.topics_file))
+        background = catalog.background(row.topics_file).record()
         more = {"topics": topics, "background": background, "holding_description": _holding(catalog, row)}
         print_json({**row.record(), **more})
         return
@@ -98,8 +98,8 @@ def lint_(
 ) -> None:
     """Compare names, tables and folder; exit with 1 when anything disagrees."""
     from garment_dataset.catalog import Catalog
-    from garment_dataset.filters import compile_filter
-    from garment_dataset.lint import lint
+    from garment_dataset.catalog.filters import compile_filter
+    from garment_dataset.catalog.lint import lint
 
     place = _workspace(workspace)
     wanted = compile_filter(filters or (), FINDING_KEYS)
@@ -126,16 +126,16 @@ def _draw(place: Workspace, row: CatalogRow, frame: int | None, save: Path | Non
     from garment_dataset.view.frames import save_frame
 
     if frame is None or save is None:
-        raise FilterError("a picture needs a frame and a file", expected="--frame N --save FILE.png")
+        raise UsageError("a picture needs a frame and a file", expected="--frame N --save FILE.png")
     if save.suffix not in _PICTURES:
-        raise FilterError("not a kind of picture", where=save, expected=" ".join(_PICTURES), found=repr(save.suffix))
+        raise UsageError("not a kind of picture", where=save, expected=" ".join(_PICTURES), found=repr(save.suffix))
     save_frame(place, row, frame, save)
     say(f"wrote {save}")
 
 
 def _results(place: Workspace, row: CatalogRow) -> list[tuple[str, object]]:
     """Return what the results say of the recording's images, if it was built."""
-    from garment_dataset.features import load_features
+    from garment_dataset.features.reading import load_features
 
     if not (place.features_dir / "frames").is_dir():
         return []

@@ -2,88 +2,87 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.graph import producers
-from garment_dataset.pipelines import load_pipelines
-from garment_dataset.stages import STAGES
+from garment_dataset.stages import Group
+from garment_dataset.workspace.known_stages import KnownStages
+from garment_dataset.workspace.pipelines import load_pipelines
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from garment_dataset.engine.stage import Stage, StageParams
-    from garment_dataset.pipelines import Pipeline
-    from garment_dataset.workspace import Workspace
+    from garment_dataset.layout import Layout
+    from garment_dataset.stages import Stage
+    from garment_dataset.workspace.pipelines import Pipeline
 
 
-@dataclass(frozen=True)
-class Drawn:
-    """A pipeline with its stages in order, and their resolved parameters."""
-
-    pipeline: Pipeline
-    stages: tuple[Stage, ...]
-    params: dict[str, StageParams]
-
-
-def load(workspace: Workspace) -> list[Drawn]:
+def load(layout: Layout) -> list[Pipeline]:
     """Read a workspace's pipelines."""
-    known = {stage.name: stage for stage in STAGES}
-    drawn = []
-    for path, pipeline in load_pipelines(workspace.pipelines_dir):
-        params = pipeline.resolved(known, path)
-        drawn.append(Drawn(pipeline, tuple(stage for name, stage in known.items() if name in params), params))
-    return drawn
+    return load_pipelines(layout.pipelines_dir, KnownStages.of(layout))
 
 
-def to_text(pipelines: Sequence[Drawn], *, params: bool) -> str:
+def to_text(pipelines: Sequence[Pipeline], *, params: bool) -> str:
     """Return the pipelines as indented text."""
     lines: list[str] = []
-    for drawn in pipelines:
-        lines.append(f"{drawn.pipeline.name}: {drawn.pipeline.description}".rstrip(": "))
-        lines.append(f"  recordings: {' '.join(drawn.pipeline.recordings) or 'all'}")
-        for stage in drawn.stages:
+    for pipeline in pipelines:
+        file = pipeline.file
+        lines.append(f"{pipeline.name}: {file.description}".rstrip(": "))
+        lines.append(f"  recordings: {' '.join(file.recordings) or 'all'}")
+        if file.variant:
+            lines.append(f"  variant: {file.variant}")
+        for stage in pipeline.stages:
             made = ", ".join(output.name for output in stage.outputs)
-            lines.append(f"  {', '.join(stage.arguments)} -> [{stage.name}] -> {made}")
+            per = "" if stage.per == "recording" else f"  (per {per_text(stage)})"
+            lines.append(f"  {', '.join(stage.arguments)} -> [{stage.name}] -> {made}{per}")
             if params:
-                lines += [f"      {name} = {value}" for name, value in drawn.params[stage.name]]
+                lines += [f"      {name} = {value}" for name, value in pipeline.params[stage.name]]
         lines.append("")
     return "\n".join(lines).rstrip()
 
 
-def to_mermaid(pipelines: Sequence[Drawn]) -> str:
+def per_text(stage: Stage) -> str:
+    """Say what one run of a stage covers."""
+    return f"group of equal {', '.join(stage.per.by)}" if isinstance(stage.per, Group) else stage.per
+
+
+def to_mermaid(pipelines: Sequence[Pipeline]) -> str:
     """Return the stages of all pipelines as a Mermaid flowchart."""
-    stages = {stage.name: stage for drawn in pipelines for stage in drawn.stages}
-    made = producers(stages.values())
     lines = ["flowchart LR"]
+    stages = {stage.name: stage for pipeline in pipelines for stage in pipeline.stages}
+    lines += [f"    {name}[{name}]" for name in stages]
     for stage in stages.values():
-        lines.append(f"    {stage.name}[{stage.name}]")
         lines += [f"    {name}[({name})] --> {stage.name}" for name in stage.arguments if name in stage.sources]
-        lines += [f"    {made[table].name} -- {table} --> {stage.name}" for table in stage.inputs]
+    for pipeline in pipelines:
+        made = producers(pipeline.stages)
+        lines += [
+            f"    {made[table].name} -- {table} --> {stage.name}" for stage in pipeline.stages for table in stage.inputs
+        ]
     read = {table for stage in stages.values() for table in stage.inputs}
     for stage in stages.values():
         ends = [output.name for output in stage.outputs if output.name not in read]
         lines += [f"    {stage.name} --> table_{name}[/{name}/]" for name in ends]
-    return "\n".join(lines)
+    return "\n".join(dict.fromkeys(lines))
 
 
-def to_json(pipelines: Sequence[Drawn]) -> list[dict[str, Any]]:
+def to_json(pipelines: Sequence[Pipeline]) -> list[dict[str, Any]]:
     """Return the pipelines as JSON-like data, parameters resolved."""
     return [
         {
-            "pipeline": drawn.pipeline.name,
-            "description": drawn.pipeline.description,
-            "recordings": list(drawn.pipeline.recordings),
+            "pipeline": pipeline.name,
+            "description": pipeline.file.description,
+            "variant": pipeline.file.variant or None,
+            "recordings": list(pipeline.file.recordings),
             "stages": [
                 {
                     "name": stage.name,
                     "reads": list(stage.arguments),
                     "makes": [output.name for output in stage.outputs],
-                    "per": stage.per,
-                    "params": drawn.params[stage.name].model_dump(mode="json"),
+                    "per": list(stage.per.by) if isinstance(stage.per, Group) else stage.per,
+                    "params": pipeline.params[stage.name].model_dump(mode="json"),
                 }
-                for stage in drawn.stages
+                for stage in pipeline.stages
             ],
         }
-        for drawn in pipelines
+        for pipeline in pipelines
     ]

@@ -8,14 +8,14 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from garment_dataset.cli.output import JsonOption, WorkspaceOption, print_json, say
-from garment_dataset.errors import GarmentError, StoreError, WorkspaceError
+from garment_dataset.errors import GarmentError, PictureError, StoreError
 
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from garment_dataset.vision.background import Background
-    from garment_dataset.workspace import Workspace
+    from garment_dataset.layout import Layout
+    from garment_dataset.vision.color.background import Background
 
 
 def mask(
@@ -34,11 +34,11 @@ def mask(
     as_json: JsonOption = False,
 ) -> None:
     """Suggest a clipping polygon from where the background is not monochrome, as lines for a pipeline file."""
-    from garment_dataset.vision.masks import polygon_mask
-    from garment_dataset.vision.polygons import polygon_of
-    from garment_dataset.workspace import Workspace
+    from garment_dataset.layout import Layout
+    from garment_dataset.vision.color.masks import polygon_mask
+    from garment_dataset.vision.color.polygons import polygon_of
 
-    place = Workspace.find(workspace)
+    place = Layout.find(workspace)
     number, model = _background(place, position)
     polygon = polygon_of(_region(model, drawn))
     if len(polygon) < 3:
@@ -62,23 +62,23 @@ def mask(
 
 def _region(model: Background, drawn: Path | None) -> NDArray[np.bool_]:
     """Return where a garment may be: as a person drew it, or where the background is monochrome."""
-    from garment_dataset.vision.masks import decode_mask, suggest_clip_mask
+    from garment_dataset.vision.color.masks import decode_mask, suggest_clip_mask
 
     if drawn is None:
         return suggest_clip_mask(model)
     try:
         region = decode_mask(drawn.read_bytes())
     except (OSError, GarmentError) as error:
-        raise WorkspaceError("not a picture", where=drawn, found=error) from error
+        raise PictureError("not a picture", where=drawn, found=error) from error
     if region.shape != model.mean.shape[:2]:
         size = "{1} x {0} px".format
-        raise WorkspaceError(
+        raise PictureError(
             "not of the image's size", where=drawn, expected=size(*model.mean.shape), found=size(*region.shape)
         )
     return region
 
 
-def _background(place: Workspace, position: int | None) -> tuple[int, Background]:
+def _background(place: Layout, position: int | None) -> tuple[int, Background]:
     """Read the background of a position, or the only one there is."""
     import pyarrow.parquet as pq
 

@@ -8,12 +8,12 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from garment_dataset.cli.output import say
-from garment_dataset.engine.run import Ending
+from garment_dataset.engine.events import Ending
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
 
-    from garment_dataset.engine.run import Event
+    from garment_dataset.engine.events import Event
 
 
 @contextmanager
@@ -40,11 +40,14 @@ def _say_line(event: Event) -> None:
 
 def line(event: Event) -> str:
     """Return one ending as a plain line."""
-    text = f"{event.ending.value:8}{event.node.stage} {event.node.subject}"
+    variant = f" ({event.node.variant})" if event.node.variant else ""
+    text = f"{event.ending.value:8}{event.node.stage} {event.node.subject}{variant}"
     if event.ending is Ending.BUILT:
         text += f"  {event.seconds:.2f} s"
     if event.message:
         text += f"  {event.message}"
+    if event.is_repeated:
+        text += " (as before; `garment build --failed` tries again)"
     return "\n".join([text, *(f"        note: {note}" for note in event.notes if event.ending is Ending.BUILT)])
 
 

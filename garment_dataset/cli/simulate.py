@@ -32,12 +32,12 @@ def simulate(
     workspace: WorkspaceOption = None,
 ) -> None:
     """Write simulated recordings, with the truth beside them."""
+    from garment_dataset.layout import Layout
     from garment_dataset.simulate.orders import Order, forecast, names_of, run_orders
     from garment_dataset.simulate.physics import import_mujoco
-    from garment_dataset.workspace import Workspace
 
     chosen = names_of(names or [], set_name)
-    folder = Workspace.find(workspace).recordings_dir if out is None else out
+    folder = Layout.find(workspace).recordings_dir if out is None else out
     orders = [Order(name, folder, seed, noise, scale, compression, frames) for name in chosen]
     if any(not order.name.startswith("camera_default") for order in orders):
         import_mujoco()

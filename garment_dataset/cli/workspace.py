@@ -14,8 +14,8 @@ def init(
     folder: Annotated[Path, typer.Argument(metavar="DIR", help="Folder to make; must not be a workspace yet.")],
 ) -> None:
     """Write a new workspace: the thesis' catalog and pipelines, and a folder for the bags."""
-    from garment_dataset.workspace import Workspace
+    from garment_dataset.layout import Layout
 
-    workspace = Workspace.create(folder)
+    workspace = Layout.create(folder)
     say(f"wrote {workspace.root}: catalog/ pipelines/ recordings/")
     say(f"Put bags (or links to them) into {workspace.recordings_dir}, then: cd {folder} && garment list")

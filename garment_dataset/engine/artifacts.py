@@ -1,4 +1,4 @@
-"""Result files: the only writer and reader of the product's Parquet.
+"""Result files: the only writer and reader of the store's Parquet.
 
 A file carries, beside its columns, one footer entry that says all it was made from. Nothing in it varies between two
 equal runs: no times, hosts or paths. Its *content digest* names the rows alone, so that a result that was made again
@@ -18,7 +18,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from garment_dataset.engine.canonical import canonical_json
-from garment_dataset.errors import StoreError
+from garment_dataset.engine.errors import StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-PROVENANCE_KEY = b"garment"
+PROVENANCE_KEY = b"provenance"
 
 
 def write_artifact(table: pa.Table, path: Path, provenance: Mapping[str, Any]) -> None:
@@ -69,7 +69,7 @@ def read_artifact(path: Path) -> pa.Table:
         return pq.ParquetFile(path).read()
     except (OSError, pa.ArrowInvalid) as error:
         raise StoreError(
-            "a result cannot be read", where=path, found=error, hint="`garment build` makes it anew."
+            "a result cannot be read", where=path, found=error, hint="The next build makes it anew."
         ) from error
 
 
@@ -85,7 +85,7 @@ def read_provenance(path: Path) -> dict[str, Any]:
         metadata = pq.read_schema(path).metadata or {}
         provenance: dict[str, Any] = json.loads(metadata[PROVENANCE_KEY])
     except (OSError, pa.ArrowInvalid, KeyError, ValueError) as error:
-        raise StoreError("not a result file of this product", where=path, found=error) from error
+        raise StoreError("not a result file of this store", where=path, found=error) from error
     return provenance
 
 

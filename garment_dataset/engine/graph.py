@@ -6,23 +6,26 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
-from garment_dataset.errors import StageError
+from garment_dataset.engine.errors import StageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
-    from garment_dataset.engine.stage import Label, Stage, StageParams
+    from garment_dataset.engine.stage import Stage, StageParams
+    from garment_dataset.engine.table import Label
 
 
 class NodeId(NamedTuple):
-    """A stage, and the recording (or other subject) it is run for."""
+    """A stage, the subject that it is run for, and in which variant; the usual one has no name."""
 
     stage: str
     subject: str
+    variant: str = ""
 
     def __str__(self) -> str:
-        return f"{self.stage}:{self.subject}"
+        variant = f"@{self.variant}" if self.variant else ""
+        return f"{self.stage}:{self.subject}{variant}"
 
 
 @dataclass(frozen=True)
@@ -34,17 +37,22 @@ class Node:
     stage : Stage
         What is run.
     subject : str
-        The recording, or what else the run covers.
+        What the run covers.
     params : StageParams
         Resolved parameters.
     sources : mapping of str to Path
         External inputs by argument name.
     inputs : mapping of str to NodeId
-        For every input table, the node that makes it.
-    labels : mapping of str to Label
+        For an input table of one subject, the node that makes it.
+    gathers : mapping of str to tuple of NodeId
+        For an input table of several subjects, the nodes that make it, in order. One that cannot be had is left out,
+        and the result says so; when none can, this node is blocked.
+    labels : tuple of Label
         What the result's identity columns say.
     partition : str
         Where under a table's folder the result is published.
+    variant : str
+        Set of results that it belongs to: results that differ in parameters alone may stand side by side.
     blocked : str or None
         Why it cannot be run at all, and what to provide.
     """
@@ -54,21 +62,29 @@ class Node:
     params: StageParams
     sources: Mapping[str, Path] = field(default_factory=dict)
     inputs: Mapping[str, NodeId] = field(default_factory=dict)
-    labels: Mapping[str, Label] = field(default_factory=dict)
+    gathers: Mapping[str, tuple[NodeId, ...]] = field(default_factory=dict)
+    labels: tuple[Label, ...] = ()
     partition: str = ""
+    variant: str = ""
     blocked: str | None = None
 
     @cached_property
     def id(self) -> NodeId:
-        """Stage and subject."""
-        return NodeId(self.stage.name, self.subject)
+        """Stage, subject and variant."""
+        return NodeId(self.stage.name, self.subject, self.variant)
+
+    @cached_property
+    def feeders(self) -> tuple[NodeId, ...]:
+        """All nodes whose tables it reads, each once."""
+        gathered = (feeder for feeders in self.gathers.values() for feeder in feeders)
+        return tuple(dict.fromkeys((*self.inputs.values(), *gathered)))
 
 
 class Graph:
     """Nodes in an order in which every node comes after those that feed it.
 
     Subjects keep the order they were given in, and so do the stages of one subject as far as their inputs allow: the
-    stages of one recording stand together, so that they run while its pages are in memory.
+    stages of one subject stand together, so that they run while its pages are in memory.
 
     Raises
     ------
@@ -87,7 +103,7 @@ class Graph:
             self._place(node, given, ())
         self._readers: dict[NodeId, list[NodeId]] = {node_id: [] for node_id in self._nodes}
         for node in self:
-            for feeder in dict.fromkeys(node.inputs.values()):
+            for feeder in node.feeders:
                 self._readers[feeder].append(node.id)
 
     def _place(self, node: Node, given: Mapping[NodeId, Node], above: tuple[NodeId, ...]) -> None:
@@ -96,10 +112,10 @@ class Graph:
         if node.id in above:
             circle = " -> ".join(str(item) for item in (*above[above.index(node.id) :], node.id))
             raise StageError("stages feed each other in a circle", found=circle)
-        for table, source in node.inputs.items():
-            if source not in given:
-                raise StageError(f"its input {table!r} is made by no node", where=node.id, found=source)
-            self._place(given[source], given, (*above, node.id))
+        for feeder in node.feeders:
+            if feeder not in given:
+                raise StageError("one of its inputs is made by no node", where=node.id, found=feeder)
+            self._place(given[feeder], given, (*above, node.id))
         self._nodes[node.id] = node
 
     def __iter__(self) -> Iterator[Node]:
@@ -126,7 +142,7 @@ class Graph:
             node_id = stack.pop()
             if node_id not in keep:
                 keep.add(node_id)
-                stack.extend(self[node_id].inputs.values())
+                stack.extend(self[node_id].feeders)
         return Graph(node for node in self if node.id in keep)
 
 

@@ -1,4 +1,4 @@
-"""The index of a store: which results there are, what is published, what failed, and what bags were last time."""
+"""The index of a store: which results there are, what is published, what failed, and what sources were last time."""
 
 from __future__ import annotations
 
@@ -15,15 +15,16 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping
     from pathlib import Path
 
-FORMAT = 1
+FORMAT = 2
 """Raised when the layout below or the files' footers change; an index of another format is thrown away."""
 
 _LAYOUT = """
 CREATE TABLE result (key TEXT PRIMARY KEY, stage TEXT, subject TEXT, partition TEXT, outputs TEXT, facts TEXT,
                      notes TEXT) WITHOUT ROWID;
-CREATE TABLE published (stage TEXT, subject TEXT, key TEXT, PRIMARY KEY (stage, subject)) WITHOUT ROWID;
-CREATE TABLE failure (stage TEXT, subject TEXT, key TEXT, kind TEXT, message TEXT, traceback TEXT, attempts INTEGER,
-                      PRIMARY KEY (stage, subject)) WITHOUT ROWID;
+CREATE TABLE published (stage TEXT, subject TEXT, variant TEXT, key TEXT, PRIMARY KEY (stage, subject, variant))
+                     WITHOUT ROWID;
+CREATE TABLE failure (stage TEXT, subject TEXT, variant TEXT, key TEXT, kind TEXT, message TEXT, traceback TEXT,
+                      attempts INTEGER, PRIMARY KEY (stage, subject, variant)) WITHOUT ROWID;
 CREATE TABLE source (path TEXT PRIMARY KEY, size_bytes INTEGER, mtime_ns INTEGER, inode INTEGER, digest TEXT)
                      WITHOUT ROWID;
 """
@@ -54,7 +55,7 @@ class Result:
     key : str
         Digest of ``facts``.
     stage, subject : str
-        What was run, and for which recording (or other subject).
+        What was run, and for which subject.
     partition : str
         Where under a table's folder it is published, such as ``garment=A/holding=B``; may be empty.
     outputs : mapping of str to StoredOutput
@@ -102,6 +103,7 @@ class Failure(NamedTuple):
 
     stage: str
     subject: str
+    variant: str
     key: str
     kind: str
     message: str
@@ -187,32 +189,34 @@ class Index:
         rows = self._read("SELECT facts FROM result WHERE key = ?", key)
         return json.loads(rows[0][0]) if rows else None
 
-    def published(self) -> dict[tuple[str, str], str]:
-        """Return the key that is published for each stage and subject."""
-        return {(stage, subject): key for stage, subject, key in self._read("SELECT * FROM published")}
+    def published(self) -> dict[tuple[str, ...], str]:
+        """Return the key that is published for each node: by stage, subject and variant."""
+        return {tuple(node): key for *node, key in self._read("SELECT * FROM published")}
 
-    def published_partition(self, stage: str, subject: str) -> str | None:
-        """Return the partition of what is published for a stage and subject, if anything is."""
+    def published_partition(self, stage: str, subject: str, variant: str) -> str | None:
+        """Return the partition of what is published for a node, if anything is."""
         rows = self._read(
-            "SELECT partition FROM result WHERE key = (SELECT key FROM published WHERE stage = ? AND subject = ?)",
+            "SELECT partition FROM result WHERE key = "
+            "(SELECT key FROM published WHERE stage = ? AND subject = ? AND variant = ?)",
             stage,
             subject,
+            variant,
         )
         return rows[0][0] if rows else None
 
-    def set_published(self, stage: str, subject: str, key: str) -> None:
+    def set_published(self, result: Result, variant: str) -> None:
         """Remember which result users find; an earlier failure is forgotten with it."""
-        connection = self._open()
-        connection.execute("INSERT OR REPLACE INTO published VALUES (?, ?, ?)", (stage, subject, key))
-        connection.execute("DELETE FROM failure WHERE stage = ? AND subject = ?", (stage, subject))
+        connection, node = self._open(), (result.stage, result.subject, variant)
+        connection.execute("INSERT OR REPLACE INTO published VALUES (?, ?, ?, ?)", (*node, result.key))
+        connection.execute("DELETE FROM failure WHERE stage = ? AND subject = ? AND variant = ?", node)
 
-    def failures(self) -> dict[tuple[str, str], Failure]:
-        """Return the last failure of each stage and subject that has failed since it last succeeded."""
-        return {(row[0], row[1]): Failure(*row) for row in self._read("SELECT * FROM failure")}
+    def failures(self) -> dict[tuple[str, ...], Failure]:
+        """Return the last failure of each node that has failed since it last succeeded."""
+        return {tuple(row[:3]): Failure(*row) for row in self._read("SELECT * FROM failure")}
 
     def set_failure(self, failure: Failure) -> None:
         """Remember a failure."""
-        self._open().execute("INSERT OR REPLACE INTO failure VALUES (?, ?, ?, ?, ?, ?, ?)", failure)
+        self._open().execute("INSERT OR REPLACE INTO failure VALUES (?, ?, ?, ?, ?, ?, ?, ?)", failure)
 
     def source_digests(self) -> dict[str, tuple[SourceStat, str]]:
         """Return what was last known of each external source, by absolute path."""

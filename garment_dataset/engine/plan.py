@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.engine.canonical import digest
-from garment_dataset.engine.index import FORMAT
+from garment_dataset.engine.facts import Reason, fact_reasons, member_input, node_facts, node_key
 from garment_dataset.engine.sources import SourceStat, stat_source
 
 if TYPE_CHECKING:
@@ -32,35 +31,6 @@ class State(StrEnum):
     MISSING = "missing"
     BLOCKED = "blocked"
     FAILED = "failed"
-
-
-@dataclass(frozen=True, slots=True)
-class Reason:
-    """One difference between what is published and what would be made now.
-
-    Parameters
-    ----------
-    kind : str
-        ``parameter``, ``code``, ``library``, ``source``, ``input``, ``label``, ``output``, ``upstream``, ``failure``,
-        ``absent`` or ``new``.
-    name : str
-        Which one: a parameter's name, a function's, a table's …
-    old, new : str or None
-        The two sides, where there are two.
-    """
-
-    kind: str
-    name: str
-    old: str | None = None
-    new: str | None = None
-
-    def __str__(self) -> str:
-        text = f"{self.kind} {self.name}"
-        if self.old is not None and self.new is not None:
-            return f"{text}: {self.old} -> {self.new}"
-        if self.new is not None:
-            return f"{text}: {self.new}"
-        return text if self.old is None else f"{text}: was {self.old}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,7 +67,8 @@ class Decision:
         ]
         return {
             "stage": self.node.stage,
-            "recording": self.node.subject,
+            "subject": self.node.subject,
+            "variant": self.node.variant,
             "state": self.state.value,
             "certain": self.certain,
             "stored": self.stored,
@@ -129,42 +100,13 @@ class Plan:
         return all(decision.state is State.FRESH for decision in self)
 
 
-def node_facts(node: Node, code: Code, inputs: Mapping[str, str]) -> dict[str, Any]:
-    """Return everything that a node's result depends on: the pre-image of its key.
-
-    Parameters
-    ----------
-    node : Node
-        Which run.
-    code : Code
-        Fingerprint and library versions of its stage.
-    inputs : mapping of str to str
-        Content digests of its sources and input tables, by argument name.
-    """
-    return {
-        "format": FORMAT,
-        "stage": node.stage.name,
-        "params": node.params.model_dump(mode="json"),
-        "code": code.digest,
-        "libraries": dict(code.libraries),
-        "labels": dict(node.labels),
-        "partition": node.partition,
-        "inputs": dict(inputs),
-    }
-
-
-def node_key(facts: Mapping[str, Any]) -> str:
-    """Name a result by everything it depends on: equal keys mean equal results."""
-    return digest("node/1", facts)
-
-
 @dataclass(frozen=True)
 class Known:
     """What the index holds, read once per plan."""
 
     results: Mapping[str, Result]
-    published: Mapping[tuple[str, str], str]
-    failures: Mapping[tuple[str, str], Failure]
+    published: Mapping[tuple[str, ...], str]
+    failures: Mapping[tuple[str, ...], Failure]
     sources: Mapping[str, tuple[SourceStat, str]]
 
     @classmethod
@@ -180,7 +122,7 @@ class Known:
 
 
 def make_plan(graph: Graph, codes: Mapping[str, Code], store: Store) -> Plan:
-    """Decide about every node; nothing is run, written or read of any bag's content."""
+    """Decide about every node; nothing is run, written or read of any source's content."""
     planner = _Planner(codes, store, Known.of(store))
     for node in graph:
         planner.decide(node)
@@ -205,18 +147,21 @@ class _Planner:
         absent = [path for path in node.sources.values() if not path.exists()]
         if absent:
             return Decision(node.id, State.BLOCKED, tuple(Reason("absent", str(path)) for path in absent))
-        stuck = [
-            Reason("upstream", str(feeder), new=self.decisions[feeder].state.value)
-            for feeder in dict.fromkeys(node.inputs.values())
-            if self.decisions[feeder].state in {State.BLOCKED, State.FAILED}
-        ]
-        return Decision(node.id, State.BLOCKED, tuple(stuck)) if stuck else None
+        stuck = [feeder for feeder in dict.fromkeys(node.inputs.values()) if self._is_stuck(feeder)]
+        for members in node.gathers.values():
+            if all(map(self._is_stuck, members)):
+                stuck += members
+        reasons = [Reason("upstream", str(feeder), new=self.decisions[feeder].state.value) for feeder in stuck]
+        return Decision(node.id, State.BLOCKED, tuple(reasons)) if reasons else None
+
+    def _is_stuck(self, node_id: NodeId) -> bool:
+        return self.decisions[node_id].state in {State.BLOCKED, State.FAILED}
 
     def _uncertain(self, node: Node) -> Decision | None:
         reasons = [
             Reason("upstream", str(feeder), new=self.decisions[feeder].state.value)
-            for feeder in dict.fromkeys(node.inputs.values())
-            if self._result_of(feeder) is None
+            for feeder in node.feeders
+            if not self._is_stuck(feeder) and self._result_of(feeder) is None
         ]
         for name, path in node.sources.items():
             if self.known.source_digest(path) is None:
@@ -243,18 +188,27 @@ class _Planner:
         settled = decision.state is State.FRESH or decision.stored
         return self.known.results[decision.key] if settled and decision.key is not None else None
 
+    def _content(self, feeder: NodeId, table: str) -> str:
+        result = self._result_of(feeder)
+        assert result is not None
+        return result.outputs[table].content
+
     def _certain(self, node: Node) -> Decision:
-        inputs = {name: self.known.source_digest(path) or "" for name, path in node.sources.items()}
+        inputs: dict[str, str | None] = {
+            name: self.known.source_digest(path) or "" for name, path in node.sources.items()
+        }
         for table, feeder in node.inputs.items():
-            result = self._result_of(feeder)
-            assert result is not None
-            inputs[table] = result.outputs[table].content
+            inputs[table] = self._content(feeder, table)
+        for table, members in node.gathers.items():
+            for feeder in members:
+                content = None if self._is_stuck(feeder) else self._content(feeder, table)
+                inputs[member_input(table, feeder.subject)] = content
         code = self.codes[node.stage.name]
         facts = node_facts(node, code, inputs)
         key = node_key(facts)
         published = self.known.published.get(node.id)
         found = self.known.results.get(key)
-        if found is not None and published == key and self.store.is_published(found):
+        if found is not None and published == key and self.store.is_published(found, node.variant):
             return Decision(node.id, State.FRESH, key=key, stored=True)
         old = self.store.index.facts(published) if published is not None else None
         reasons = fact_reasons(old, facts, node, code) if old is not None else ()
@@ -267,36 +221,3 @@ class _Planner:
         if published is None:
             return Decision(node.id, State.MISSING, (Reason("new", "never built"),), key=key)
         return Decision(node.id, State.STALE, reasons or (Reason("output", "gone from the store"),), key=key)
-
-
-def fact_reasons(old: Mapping[str, Any], new: Mapping[str, Any], node: Node, code: Code) -> tuple[Reason, ...]:
-    """Return every difference between the facts of a published result and of the one wanted now."""
-    reasons = [
-        *_changed("parameter", old["params"], new["params"]),
-        *_changed("library", old["libraries"], new["libraries"]),
-        *_changed("label", old["labels"], new["labels"]),
-    ]
-    if old["code"] != new["code"]:
-        reasons += [Reason("code", symbol, new=how) for symbol, how in code.changes_since(old["code"])]
-    for name in sorted(set(old["inputs"]) | set(new["inputs"])):
-        before, now = old["inputs"].get(name), new["inputs"].get(name)
-        if before != now:
-            kind = "source" if name in node.stage.sources else "input"
-            reasons.append(Reason(kind, name, before and before[:12], now and now[:12]))
-    if old["partition"] != new["partition"]:
-        reasons.append(Reason("label", "partition", old["partition"], new["partition"]))
-    if old["format"] != new["format"]:
-        reasons.append(Reason("code", "format of the store", str(old["format"]), str(new["format"])))
-    return tuple(reasons)
-
-
-def _changed(kind: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Reason]:
-    return [
-        Reason(kind, name, _text(old, name), _text(new, name))
-        for name in sorted(set(old) | set(new))
-        if old.get(name) != new.get(name) or (name in old) != (name in new)
-    ]
-
-
-def _text(values: Mapping[str, Any], name: str) -> str:
-    return str(values[name]) if name in values else "(none)"

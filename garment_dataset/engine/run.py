@@ -1,4 +1,4 @@
-"""Act on a plan: run what is to be run, publish what is made, keep going when a recording fails."""
+"""Act on a plan: run what is to be run, publish what is made, keep going when a subject fails."""
 
 from __future__ import annotations
 
@@ -7,12 +7,13 @@ import shutil
 import uuid
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass, field
-from enum import StrEnum
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from garment_dataset.engine.events import Ending, Event, Report
+from garment_dataset.engine.facts import member_input, node_facts, node_key
 from garment_dataset.engine.index import Failure, Result, StoredOutput
-from garment_dataset.engine.plan import State, node_facts, node_key
+from garment_dataset.engine.plan import State
 from garment_dataset.engine.sources import SourceStat, stat_source
 from garment_dataset.engine.worker import Success, Task, Trouble, digest_task, run_task
 
@@ -27,41 +28,9 @@ if TYPE_CHECKING:
     from garment_dataset.engine.store import Store
 
 
-class Ending(StrEnum):
-    """What became of a node in a build."""
-
-    FRESH = "fresh"
-    BUILT = "built"
-    LINKED = "linked"
-    FAILED = "failed"
-    BLOCKED = "blocked"
-
-
-@dataclass(frozen=True, slots=True)
-class Event:
-    """One node's ending, as it happens."""
-
-    node: NodeId
-    ending: Ending
-    seconds: float = 0.0
-    message: str = ""
-    notes: tuple[str, ...] = ()
-
-
-@dataclass
-class Report:
-    """All endings of a build, in the order they happened."""
-
-    events: dict[NodeId, Event] = field(default_factory=dict)
-
-    def of(self, ending: Ending) -> list[Event]:
-        """Return the events with this ending."""
-        return [event for event in self.events.values() if event.ending is ending]
-
-
 @dataclass(frozen=True)
 class Options:
-    """How a build is run.
+    """How a graph is run.
 
     Parameters
     ----------
@@ -78,13 +47,13 @@ class Options:
     forced: bool = False
 
 
-class Build:
+class Run:
     """One run over a graph. This process alone writes the index and publishes.
 
     Parameters
     ----------
     graph, plan : Graph, Plan
-        What is to be built, and what was decided about it.
+        What is to be made, and what was decided about it.
     codes : mapping of str to Code
         The code of each stage by name.
     code_cache : CodeCache
@@ -131,16 +100,18 @@ class Build:
         self._died: set[NodeId] = set()
         self._done: dict[NodeId, Result] = {}
         self.report = Report()
+        self._twins: dict[str, list[Node]] = {}
         self._take_fresh()
+        open_nodes = {node.id for node in self._nodes if node.id not in self._done}
         self._waiting = {
-            node.id: len({feeder for feeder in node.inputs.values() if feeder not in self._done})
+            node.id: sum(feeder not in self._done and feeder in open_nodes for feeder in node.feeders)
             for node in self._nodes
-            if node.id not in self._done
+            if node.id in open_nodes
         }
         self._ready = [self._order[node_id] for node_id, count in self._waiting.items() if not count]
 
-    def run(self) -> Report:
-        """Build everything that is not fresh, and say what became of every node."""
+    def finish(self) -> Report:
+        """Make everything that is not fresh, and say what became of every node."""
         self._scratch_dir.mkdir(parents=True)
         heapq.heapify(self._ready)
         try:
@@ -154,8 +125,15 @@ class Build:
             shutil.rmtree(self._scratch_dir, ignore_errors=True)
 
     def _take_fresh(self) -> None:
-        """Count what the plan found fresh as done: it costs nothing more."""
+        """Count what the plan found fresh as done: it costs nothing more.
+
+        A node that gathers what failed before is looked at again once that was tried again.
+        """
         for decision in self._plan:
+            if self._options.retry_failed and any(
+                feeder not in self._done for feeder in self._graph[decision.node].feeders
+            ):
+                continue
             if decision.state is State.FRESH and decision.key is not None and not self._options.forced:
                 found = self._results[decision.key]
                 self._done[decision.node] = found
@@ -184,29 +162,48 @@ class Build:
         task = self._task(node)
         if self._settled(node, task):
             return
+        if task.key in self._twins:
+            self._twins[task.key].append(node)
+            return
+        self._twins[task.key] = []
         self._running[self._pool.submit(run_task, task)] = (node, task)
 
     def _obstacle(self, node: Node) -> str | None:
         if node.blocked is not None:
             return node.blocked
-        for feeder in dict.fromkeys(node.inputs.values()):
-            if feeder not in self._done:
-                return f"{feeder} {self.report.events[feeder].ending}"
-        return None
+        lacking = next((feeder for feeder in node.inputs.values() if feeder not in self._done), None)
+        for members in node.gathers.values():
+            if not any(feeder in self._done for feeder in members):
+                lacking = lacking or members[0]
+        return None if lacking is None else f"{lacking} {self.report.events[lacking].ending}"
 
     def _task(self, node: Node) -> Task:
         sources = {name: (path, *self._digests[str(path)]) for name, path in node.sources.items()}
-        digests = {name: found for name, (_, _, found) in sources.items()}
+        digests: dict[str, str | None] = {name: found for name, (_, _, found) in sources.items()}
         inputs = {table: self._done[feeder].outputs[table] for table, feeder in node.inputs.items()}
         digests |= {table: output.content for table, output in inputs.items()}
+        gathers: dict[str, dict[str, Path]] = {}
+        notes = []
+        for table, members in node.gathers.items():
+            gathers[table] = {}
+            for feeder in members:
+                output = self._done[feeder].outputs[table] if feeder in self._done else None
+                digests[member_input(table, feeder.subject)] = output and output.content
+                if output is None:
+                    notes.append(f"{feeder.subject} is left out: its {table} cannot be had")
+                else:
+                    gathers[table][feeder.subject] = self._store.object_path(output.file.digest)
         facts = node_facts(node, self._codes[node.stage.name], digests)
         return Task(
             module=node.stage.module,
+            home=node.stage.home,
             subject=node.subject,
             partition=node.partition,
             params=facts["params"],
             sources={name: (path, stat) for name, (path, stat, _) in sources.items()},
             inputs={table: self._store.object_path(output.file.digest) for table, output in inputs.items()},
+            gathers=gathers,
+            notes=tuple(notes),
             labels=node.labels,
             key=node_key(facts),
             facts=facts,
@@ -218,17 +215,20 @@ class Build:
         if self._options.forced:
             return False
         found = self._results.get(task.key)
-        if found is not None and self._published.get(node.id) == task.key and self._store.is_published(found):
+        if (
+            found is not None
+            and self._published.get(node.id) == task.key
+            and self._store.is_published(found, node.variant)
+        ):
             self._end(Event(node.id, Ending.FRESH, notes=found.notes), found)
             return True
         if found is not None and self._store.holds(found):
-            self._store.publish(found)
+            self._store.publish(found, node.variant)
             self._end(Event(node.id, Ending.LINKED, notes=found.notes), found)
             return True
         failure = self._failures.get(node.id)
         if failure is not None and failure.key == task.key and not self._options.retry_failed:
-            message = f"{failure.message} (as before; `garment build --failed` tries again)"
-            self._end(Event(node.id, Ending.FAILED, message=message))
+            self._end(Event(node.id, Ending.FAILED, message=failure.message, is_repeated=True))
             return True
         return False
 
@@ -237,27 +237,33 @@ class Build:
         finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
         for future in sorted(finished, key=lambda future: self._order[self._running[future][0].id]):
             if isinstance(future.exception(), BrokenProcessPool):
-                self._bury()
+                self._restart_pool()
                 return
             node, work = self._running.pop(future)
             if isinstance(work, Task):
                 self._finish(node, work, future.result())
+                for twin in self._twins.pop(work.key):
+                    heapq.heappush(self._ready, self._order[twin.id])
             else:
                 self._digested(node, *work, future.result())
 
-    def _bury(self) -> None:
+    def _restart_pool(self) -> None:
         """Deal with a worker that died and took the pool with it: whoever ran alone is to blame, else each is tried."""
-        victims = [node for node, _ in self._running.values()]
+        interrupted = [node for node, _ in self._running.values()]
         tasks = [work for _, work in self._running.values()]
+        twins = [twin for waiting in self._twins.values() for twin in waiting]
+        self._twins.clear()
         self._running.clear()
         self._pool.restart()
-        if len(victims) == 1 and victims[0].id in self._died:
+        for twin in twins:
+            heapq.heappush(self._ready, self._order[twin.id])
+        if len(interrupted) == 1 and interrupted[0].id in self._died:
             message = "its worker process died twice: killed, or out of memory"
             key = tasks[0].key if isinstance(tasks[0], Task) else ""
-            self._fail(victims[0], key, Trouble("WorkerDied", message, ""))
+            self._fail(interrupted[0], key, Trouble("WorkerDied", message, ""))
             return
-        self._died.update(node.id for node in victims)
-        self._suspects += victims[::-1]
+        self._died.update(node.id for node in interrupted)
+        self._suspects += interrupted[::-1]
 
     def _digested(self, node: Node, path: Path, stat: SourceStat, found: str | Trouble) -> None:
         if isinstance(found, Trouble):
@@ -283,14 +289,14 @@ class Build:
         result = Result(task.key, node.stage.name, node.subject, node.partition, outputs, task.facts, ended.notes)
         with self._store.index.transaction():
             self._store.index.add_result(result)
-            self._store.publish(result)
+            self._store.publish(result, node.variant)
         self._end(Event(node.id, Ending.BUILT, ended.seconds, notes=ended.notes), result)
 
     def _fail(self, node: Node, key: str, trouble: Trouble) -> None:
         before = self._failures.get(node.id)
         attempts = before.attempts + 1 if before is not None and before.key == key else 1
         self._store.index.set_failure(
-            Failure(node.stage.name, node.subject, key, trouble.kind, trouble.message, trouble.traceback, attempts)
+            Failure(*node.id, key, trouble.kind, trouble.message, trouble.traceback, attempts)
         )
         self._end(Event(node.id, Ending.FAILED, message=trouble.message))
 

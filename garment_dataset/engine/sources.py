@@ -1,11 +1,11 @@
-"""External inputs: what a bag is, by content, and whether it may have changed."""
+"""External inputs: what a source is, by content, and whether it may have changed."""
 
 from __future__ import annotations
 
 import os
 from typing import TYPE_CHECKING, NamedTuple
 
-from garment_dataset.errors import BagError
+from garment_dataset.engine.errors import SourceError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 class SourceStat(NamedTuple):
     """What the file system says of a source; equal values mean that its content need not be read again.
 
-    For a folder (rosbag2) the sizes are summed, and the latest time and a sum of inodes stand for all files.
+    For a folder the sizes are summed, and the latest time and a sum of inodes stand for all files.
     """
 
     size_bytes: int
@@ -47,7 +47,7 @@ def digest_source(path: Path) -> str:
 
     Raises
     ------
-    BagError
+    SourceError
         If it cannot be read.
     """
     from blake3 import blake3
@@ -61,4 +61,4 @@ def digest_source(path: Path) -> str:
             state.update(name + b"\0" + digest_source(file).encode() + b"\n")
         return state.hexdigest()
     except OSError as error:
-        raise BagError("cannot be read", where=path, found=error.strerror or error) from error
+        raise SourceError("cannot be read", where=path, found=error.strerror or error) from error

@@ -3,42 +3,25 @@
 from __future__ import annotations
 
 import inspect
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
+    from pathlib import Path
 
     import pyarrow as pa
 
-Label = str | int | float | None
-"""A value that stands in a column of every row of a result."""
+    from garment_dataset.engine.table import TableSpec
 
 
 class StageParams(BaseModel):
     """Knobs of a stage: immutable, every one with a default, unknown ones refused."""
 
     model_config: ClassVar[ConfigDict] = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
-
-
-class Output(Protocol):
-    """What the engine asks of an output table's declaration."""
-
-    @property
-    def name(self) -> str:
-        """The table's name, and the argument name in stages that read it."""
-        ...
-
-    def finish(self, table: pa.Table, labels: Mapping[str, Label]) -> pa.Table:
-        """Check a stage's table and add the columns that say whose it is."""
-        ...
-
-    def describe(self) -> dict[str, object]:
-        """Return the schema as JSON-like data."""
-        ...
 
 
 @dataclass(frozen=True)
@@ -48,24 +31,25 @@ class Stage:
     Parameters
     ----------
     function : callable
-        Takes its inputs by name: a table by the table's name (a :class:`pyarrow.Table`), an external source by the
-        source's name (a :class:`pathlib.Path`), and ``params``. Returns a mapping from output name to table.
-        The function's name is the stage's name.
+        Takes its inputs by name: a table by the table's name (a :class:`pyarrow.Table`; a dict of them, by subject,
+        where a node gathers those of several subjects), an external source by the source's name (a
+        :class:`pathlib.Path`), and ``params``. Returns a mapping from output name to table. The function's name is the
+        stage's name.
     params : type of StageParams
         The knobs, with their defaults.
-    outputs : tuple of Output
+    outputs : tuple of TableSpec
         The tables that the function returns.
     sources : frozenset of str
         Which of the arguments are external sources.
-    per : str
-        What one run covers: ``recording``, or ``background`` for what many recordings share.
+    home : Path or None
+        Folder to import its module from, where that is not installed.
     """
 
     function: Callable[..., Mapping[str, pa.Table]]
     params: type[StageParams]
-    outputs: tuple[Output, ...]
-    sources: frozenset[str] = field(default_factory=lambda: frozenset({"bag"}))
-    per: str = "recording"
+    outputs: tuple[TableSpec, ...]
+    sources: frozenset[str] = frozenset()
+    home: Path | None = None
 
     @property
     def name(self) -> str:

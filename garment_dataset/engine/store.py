@@ -12,8 +12,8 @@ import shutil
 import warnings
 from typing import TYPE_CHECKING
 
+from garment_dataset.engine.errors import DataWarning, StoreError
 from garment_dataset.engine.index import Index, Result, StoredFile
-from garment_dataset.errors import DataWarning, StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -30,7 +30,7 @@ class Store:
     private_dir : Path
         Holds ``objects/``, ``scratch/`` and ``index.sqlite``; made when first written to.
     features_dir : Path
-        Holds the links ``<table>/<partition>/<subject>.parquet``.
+        Holds the links ``<table>/<partition>/<subject>.parquet``, those of a named variant below ``variant=<name>/``.
     """
 
     def __init__(self, private_dir: Path, features_dir: Path) -> None:
@@ -68,32 +68,36 @@ class Store:
             _is_as_stored(self.object_path(output.file.digest), output.file) for output in result.outputs.values()
         )
 
-    def feature_path(self, table: str, partition: str, subject: str) -> Path:
-        """Return where users find a result."""
-        return self.features_dir / table / partition / f"{subject}.parquet"
+    def folder(self, variant: str = "") -> Path:
+        """Return where the tables of a variant lie; those of the usual one stand above."""
+        return self.features_dir / f"variant={variant}" if variant else self.features_dir
 
-    def is_published(self, result: Result) -> bool:
+    def feature_path(self, table: str, partition: str, subject: str, variant: str = "") -> Path:
+        """Return where users find a result."""
+        return self.folder(variant) / table / partition / f"{subject}.parquet"
+
+    def is_published(self, result: Result, variant: str = "") -> bool:
         """Say whether users find exactly this result."""
         # text, not Path: a plan asks this of every file there is
         place = f"{result.partition}/{result.subject}" if result.partition else result.subject
+        folder = f"{self.features_dir}/variant={variant}" if variant else self.features_dir
         return all(
-            _is_as_stored(f"{self.features_dir}/{table}/{place}.parquet", output.file)
-            for table, output in result.outputs.items()
+            _is_as_stored(f"{folder}/{table}/{place}.parquet", output.file) for table, output in result.outputs.items()
         )
 
-    def publish(self, result: Result) -> None:
+    def publish(self, result: Result, variant: str = "") -> None:
         """Link a result to where users look; each file changes from old to new in one instant.
 
         When the subject has moved to another partition, its old files go once the new ones are there.
         """
-        old = self.index.published_partition(result.stage, result.subject)
+        old = self.index.published_partition(result.stage, result.subject, variant)
         for table, output in result.outputs.items():
-            target = self.feature_path(table, result.partition, result.subject)
+            target = self.feature_path(table, result.partition, result.subject, variant)
             target.parent.mkdir(parents=True, exist_ok=True)
             _link(self.object_path(output.file.digest), target)
             if old not in {None, result.partition}:
-                self.feature_path(table, str(old), result.subject).unlink(missing_ok=True)
-        self.index.set_published(result.stage, result.subject, result.key)
+                self.feature_path(table, str(old), result.subject, variant).unlink(missing_ok=True)
+        self.index.set_published(result, variant)
 
     def rebuild_index(self) -> int:
         """Read the index anew from the footers of all objects; return how many there are."""
@@ -107,11 +111,14 @@ class Store:
             except StoreError as error:
                 warnings.warn(f"left out of the index: {error}", DataWarning, stacklevel=2)
         results = Result.from_footers(footers)
+        named = (path.name.removeprefix("variant=") for path in sorted(self.features_dir.glob("variant=*")))
+        variants = ("", *named)
         with self.index.transaction():
             for result in results.values():
                 self.index.add_result(result)
-                if self.is_published(result):
-                    self.index.set_published(result.stage, result.subject, result.key)
+                for variant in variants:
+                    if self.is_published(result, variant):
+                        self.index.set_published(result, variant)
         return len(footers)
 
     def _objects(self) -> Iterator[Path]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import hashlib
-import importlib
 import os
 import signal
 import time
@@ -13,8 +12,9 @@ import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from garment_dataset.engine.errors import DataWarning, ReportedError, SourceError, StageError
+from garment_dataset.engine.loading import load_stage
 from garment_dataset.engine.sources import digest_source, stat_source
-from garment_dataset.errors import BagError, DataWarning, GarmentError, StageError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -23,7 +23,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from garment_dataset.engine.sources import SourceStat
-    from garment_dataset.engine.stage import Label, Stage
+    from garment_dataset.engine.stage import Stage
+    from garment_dataset.engine.table import Label
 
 _ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 
@@ -36,6 +37,8 @@ class Task:
     ----------
     module : str
         Holds the stage as ``STAGE``.
+    home : Path or None
+        Folder to import it from, where it is not installed.
     subject, partition : str
         Whose result, and where it will be published.
     params : mapping
@@ -44,8 +47,12 @@ class Task:
         External inputs, and the state they must still be in afterwards.
     inputs : mapping of str to Path
         Objects with the input tables.
-    labels : mapping of str to Label
-        Values of the identity columns.
+    gathers : mapping of str to mapping of str to Path
+        Objects with the tables of several subjects, by input and subject.
+    notes : tuple of str
+        What is to be kept with the result whatever the stage says.
+    labels : tuple of Label
+        Identity columns and their values.
     key : str
         Name of the result.
     facts : mapping
@@ -55,12 +62,15 @@ class Task:
     """
 
     module: str
+    home: Path | None
     subject: str
     partition: str
     params: Mapping[str, Any]
     sources: Mapping[str, tuple[Path, SourceStat]]
     inputs: Mapping[str, Path]
-    labels: Mapping[str, Label]
+    gathers: Mapping[str, Mapping[str, Path]]
+    notes: tuple[str, ...]
+    labels: tuple[Label, ...]
     key: str
     facts: Mapping[str, Any]
     scratch_dir: Path
@@ -105,9 +115,9 @@ def run_task(task: Task) -> Success | Trouble:
     started = time.perf_counter()
     try:
         outputs, notes = _run(task)
-    except GarmentError as error:
+    except ReportedError as error:
         return Trouble(type(error).__name__, str(error), traceback.format_exc())
-    except Exception as error:  # noqa: BLE001 - a bug in a stage must not stop the other recordings
+    except Exception as error:  # noqa: BLE001 - a bug in a stage must not stop the other subjects
         return Trouble(type(error).__name__, f"{type(error).__name__}: {error}", traceback.format_exc())
     return Success(outputs, notes, time.perf_counter() - started)
 
@@ -117,7 +127,7 @@ def digest_task(path: Path, stat: SourceStat) -> str | Trouble:
     try:
         found = digest_source(path)
         _check_unchanged(path, stat)
-    except GarmentError as error:
+    except ReportedError as error:
         return Trouble(type(error).__name__, str(error), traceback.format_exc())
     return found
 
@@ -125,13 +135,16 @@ def digest_task(path: Path, stat: SourceStat) -> str | Trouble:
 def _run(task: Task) -> tuple[dict[str, Written], tuple[str, ...]]:
     from garment_dataset.engine.artifacts import read_artifact
 
-    stage: Stage = importlib.import_module(task.module).STAGE
+    stage: Stage = load_stage(task.module, task.home)
     arguments: dict[str, Any] = {name: path for name, (path, _) in task.sources.items()}
     arguments |= {name: read_artifact(path) for name, path in task.inputs.items()}
+    for name, paths in task.gathers.items():
+        arguments[name] = {subject: read_artifact(path) for subject, path in paths.items()}
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", DataWarning)
         tables = stage.run(arguments, stage.params.model_validate(task.params))
-    notes = tuple(dict.fromkeys(str(item.message) for item in caught if issubclass(item.category, DataWarning)))
+    said = (str(item.message) for item in caught if issubclass(item.category, DataWarning))
+    notes = tuple(dict.fromkeys((*task.notes, *said)))
     for path, stat in task.sources.values():
         _check_unchanged(path, stat)
     expected = [output.name for output in stage.outputs]
@@ -140,7 +153,7 @@ def _run(task: Task) -> tuple[dict[str, Written], tuple[str, ...]]:
             "returns other tables than it declares", where=stage.name, expected=expected, found=list(tables)
         )
     written = {
-        output.name: _write(output.finish(tables[output.name], task.labels), output.name, expected, task, notes)
+        output.name: _write(output.labelled(tables[output.name], task.labels), output.name, expected, task, notes)
         for output in stage.outputs
     }
     return written, notes
@@ -169,7 +182,7 @@ def _write(table: pa.Table, name: str, tables: list[str], task: Task, notes: tup
 def _check_unchanged(path: Path, stat: SourceStat) -> None:
     found = stat_source(path)
     if found != stat:
-        raise BagError(
+        raise SourceError(
             "changed while it was read",
             where=path,
             expected=f"{stat.size_bytes} bytes, unchanged",

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from garment_dataset.errors import StoreError
-from garment_dataset.features import load_features
+from garment_dataset.features.reading import load_features
 from garment_dataset.score.points import PointErrors, join_errors, point_errors, score_errors
 from garment_dataset.score.silhouettes import SilhouetteErrors, score_silhouettes, silhouette_errors
 
@@ -63,11 +63,11 @@ def score(features: Path, truth: Path) -> Scores:
 
 def features_folder(path: Path) -> Path:
     """Return the features folder of a workspace, or the folder itself when it is one."""
-    from garment_dataset.workspace import Workspace
+    from garment_dataset.layout import Layout
 
     if (path / "points").is_dir() or (path / "silhouettes").is_dir():
         return path
-    return Workspace.find(path).features_dir
+    return Layout.find(path).features_dir
 
 
 def _point_scores(features: Path, truth: Mapping[str, Path]) -> list[PointScore]:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from garment_dataset.vision.axes import region_axes
-from garment_dataset.vision.central_curve import central_curve
-from garment_dataset.vision.masks import borders, decode_mask, largest_component
+from garment_dataset.vision.color.axes import region_axes
+from garment_dataset.vision.color.central_curve import central_curve
+from garment_dataset.vision.color.masks import borders, decode_mask, largest_component
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

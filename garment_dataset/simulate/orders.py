@@ -8,8 +8,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 from garment_dataset.catalog import Catalog
+from garment_dataset.catalog.names import BackgroundName, parse_bag_name
 from garment_dataset.errors import GarmentError
-from garment_dataset.names import BackgroundName, parse_bag_name
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence

@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from garment_dataset.catalog import Catalog
+from garment_dataset.catalog.names import BackgroundName, RecordingName, parse_bag_name
 from garment_dataset.errors import GarmentError, RecordingNameError
-from garment_dataset.names import BackgroundName, RecordingName, parse_bag_name
 from garment_dataset.simulate import scene, truth_tables
 from garment_dataset.simulate.bag import Compression, Streams, write_bag
 from garment_dataset.simulate.cloth import ClothMesh, ClothSpec, Hanging, build_mesh

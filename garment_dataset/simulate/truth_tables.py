@@ -9,9 +9,9 @@ import numpy as np
 import pyarrow as pa
 import pyarrow.parquet as pq
 
+from garment_dataset.engine.table import Column
 from garment_dataset.simulate import truth
 from garment_dataset.simulate.scene import COLOR_CAMERA
-from garment_dataset.table_spec import Column
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence

@@ -1,14 +1,25 @@
-"""The stages: one file each, and the tuple that names them all."""
+"""The stages: one file each, and the tuple that names them all; and what whoever writes one needs."""
 
 from __future__ import annotations
 
-from garment_dataset.stages import background, central_curve, decode, depth_points, kinematics, silhouette
+from garment_dataset.engine.table import Column, TableSpec
+from garment_dataset.errors import DataWarning
+from garment_dataset.stages.columns import FRAME, RECORD_STAMP, STAMP
+from garment_dataset.stages.stage import REPEATS, Group, Stage, StageParams
 
-STAGES = (
-    decode.STAGE,
-    depth_points.STAGE,
-    kinematics.STAGE,
-    background.STAGE,
-    silhouette.STAGE,
-    central_curve.STAGE,
-)
+__all__ = [
+    "FRAME",
+    "RECORD_STAMP",
+    "REPEATS",
+    "STAGES",
+    "STAMP",
+    "Column",
+    "DataWarning",
+    "Group",
+    "Stage",
+    "StageParams",
+    "TableSpec",
+]
+
+STAGES = ("decode", "depth_points", "kinematics", "background", "silhouette", "central_curve")
+"""The stages that the package brings: each is ``STAGE`` in the module of its name here."""

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
 
-from garment_dataset.engine.stage import Stage, StageParams
+from garment_dataset.engine.table import Column, TableSpec
 from garment_dataset.errors import BagError
-from garment_dataset.stages.inputs import image_topic, usable_stamps_ns
-from garment_dataset.tables import BACKGROUND
+from garment_dataset.stages.inputs import usable_images, usable_stamps_ns
+from garment_dataset.stages.stage import Stage, StageParams
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -18,15 +18,27 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from numpy.typing import NDArray
 
-    from garment_dataset.vision.background import Background
+    from garment_dataset.vision.color.background import Background
+
+
+BACKGROUND = TableSpec(
+    "background",
+    1,
+    "one row of the image of the empty scene, from the top",
+    (
+        Column("v_px", "int32", "px", "number of the row of the image, from 0"),
+        Column("frame_count", "int32", "1", "number of frames that mean and std are of"),
+        Column("mean", "list<float64>", "level", "mean by pixel and channel, thesis eq. (5.1): r, g, b, r, g, b, …"),
+        Column("std", "list<float64>", "level", "sample standard deviation, thesis eq. (5.2), in the order of mean"),
+    ),
+    keys=("v_px",),
+)
+"""One file per camera position. ``np.stack(frame["mean"]).reshape(len(frame), -1, 3)`` is the image, (H, W, 3)."""
 
 
 class BackgroundParams(StageParams):
     """Which frames show the empty scene; a row of catalog/backgrounds.csv overrides the interval."""
 
-    color_topic: str = Field(
-        default="/xtion1/rgb/image_raw", description="colour images, or their compressed variant, below this name"
-    )
     from_s: float | None = Field(default=None, ge=0, description="begin, after the first colour stamp; null: the first")
     to_s: float | None = Field(
         default=None, gt=0, description="end, which does not belong to it, after the first colour stamp; null: the last"
@@ -56,7 +68,7 @@ def background(bag: Path, frames: pa.Table, params: BackgroundParams) -> dict[st
         If the bag has no colour images, or fewer than two in the interval, or of unequal sizes.
     """
     from garment_dataset.bags import open_bag
-    from garment_dataset.vision.background import BackgroundAccumulator
+    from garment_dataset.vision.color.background import BackgroundAccumulator
 
     wanted = _frames_within(frames, params)
     if len(wanted) < 2:
@@ -69,14 +81,13 @@ def background(bag: Path, frames: pa.Table, params: BackgroundParams) -> dict[st
         )
     accumulator = BackgroundAccumulator()
     with open_bag(bag) as opened:
-        topic = image_topic(opened, params.color_topic, "color")
-        for image in opened.images(topic, "color"):
+        for image in usable_images(opened, frames, "color"):
             if image.index in wanted:
                 accumulator.add(image.pixels())
     model = accumulator.finish()
     height_px = len(model.mean)
     return {
-        "background": BACKGROUND.build(
+        "background": BACKGROUND.table(
             {
                 "v_px": range(height_px),
                 "frame_count": [model.count] * height_px,
@@ -97,7 +108,7 @@ def background_model(table: pa.Table) -> Background:
     """
     import pyarrow.compute as pc
 
-    from garment_dataset.vision.background import Background
+    from garment_dataset.vision.color.background import Background
 
     height_px = table.num_rows
     mean, std = (pc.list_flatten(table[name]).to_numpy().reshape(height_px, -1, 3) for name in ("mean", "std"))
@@ -127,4 +138,4 @@ def _by_row(values: NDArray[np.float64]) -> pa.Array[Any]:
     return pa.ListArray.from_arrays(pa.array(ends), pa.array(values.ravel()))
 
 
-STAGE = Stage(background, params=BackgroundParams, outputs=(BACKGROUND,), per="background")
+STAGE = Stage(background, params=BackgroundParams, outputs=(BACKGROUND,), per="position")

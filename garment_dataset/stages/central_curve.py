@@ -6,11 +6,31 @@ from typing import TYPE_CHECKING
 
 from pydantic import Field
 
-from garment_dataset.engine.stage import Stage, StageParams
-from garment_dataset.tables import CENTRAL_CURVES
+from garment_dataset.engine.table import Column, TableSpec
+from garment_dataset.stages.columns import FRAME, STAMP
+from garment_dataset.stages.stage import Stage, StageParams
 
 if TYPE_CHECKING:
     import pyarrow as pa
+
+
+CENTRAL_CURVES = TableSpec(
+    "central_curves",
+    1,
+    "one cut across the silhouette of one colour frame, from its upper end down",
+    (
+        FRAME,
+        STAMP,
+        Column("cut", "int32", "1", "number of the cut, from 0 at the upper end"),
+        Column("u_px", "float64", "px", "u of the midpoint between the outermost crossings of cut and outline"),
+        Column("v_px", "float64", "px", "v of the same midpoint"),
+        Column("width_px", "float64", "px", "distance between the outermost crossings"),
+        Column("position_px", "float64", "px", "of the cut along the major axis, from the upper end"),
+        Column("arc_length_px", "float64", "px", "along the curve, from its first midpoint"),
+        Column("parts", "int32", "1", "how many separate parts the cut meets: more than 1 at folds, sleeves and holes"),
+    ),
+    keys=("frame", "cut"),
+)
 
 
 class CentralCurveParams(StageParams):
@@ -42,9 +62,9 @@ def central_curve(silhouettes: pa.Table, params: CentralCurveParams) -> dict[str
     """
     import numpy as np
 
-    from garment_dataset.vision.axes import region_axes
-    from garment_dataset.vision.central_curve import central_curves
-    from garment_dataset.vision.masks import borders, decode_mask
+    from garment_dataset.vision.color.axes import region_axes
+    from garment_dataset.vision.color.central_curve import central_curves
+    from garment_dataset.vision.color.masks import borders, decode_mask
 
     rows = [row for row in silhouettes.select(["frame", "stamp_ns", "mask"]).to_pylist() if row["mask"] is not None]
     outlines, axes = [], []
@@ -55,7 +75,7 @@ def central_curve(silhouettes: pa.Table, params: CentralCurveParams) -> dict[str
     curves = central_curves(outlines, axes, params.pitch_px, lines=params.lines)
     columns = {name: np.array([row[name] for row in rows], np.int64)[curves.region] for name in ("frame", "stamp_ns")}
     columns |= {name: values for name, values in curves._asdict().items() if name != "region"}
-    return {"central_curves": CENTRAL_CURVES.build(columns)}
+    return {"central_curves": CENTRAL_CURVES.table(columns)}
 
 
 STAGE = Stage(central_curve, params=CentralCurveParams, outputs=(CENTRAL_CURVES,))

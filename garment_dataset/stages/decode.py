@@ -9,9 +9,10 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import PositiveFloat
 
-from garment_dataset.engine.stage import Stage, StageParams
+from garment_dataset.engine.table import Column, TableSpec
 from garment_dataset.errors import BagError, DataWarning, MessageError
-from garment_dataset.tables import CAMERA, FRAMES, GRIPPER, JOINTS
+from garment_dataset.stages.columns import FRAME, RECORD_STAMP, STAMP
+from garment_dataset.stages.stage import Stage, StageParams
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -28,6 +29,78 @@ if TYPE_CHECKING:
 Stream = Literal["depth", "color"]
 
 _JOINT_STATE = "sensor_msgs/msg/JointState"
+
+
+FRAMES = TableSpec(
+    "frames",
+    2,
+    "one image message",
+    (
+        Column("stream", "string", "", "depth or color"),
+        FRAME,
+        Column("stamp_ns", "int64", "ns", "header stamp: when the camera saw it; null when unreadable", nullable=True),
+        RECORD_STAMP,
+        Column("encoding", "string", "", "as the message says: 16UC1, rgb8 …", nullable=True),
+        Column("width_px", "int32", "px", "image width", nullable=True),
+        Column("height_px", "int32", "px", "image height", nullable=True),
+        Column("step_bytes", "int32", "byte", "length of a row, padding included", nullable=True),
+        Column("offset_bytes", "int64", "byte", "first pixel in the bag; null when compressed", nullable=True),
+        Column("size_bytes", "int64", "byte", "length of the pixel data as stored", nullable=True),
+        Column("topic", "string", "", "topic that the stream was read from: every stage reads its images there"),
+        Column("fault", "string", "", "why the message is not used; null when it is", nullable=True),
+    ),
+    keys=("stream", "frame"),
+)
+
+CAMERA = TableSpec(
+    "camera",
+    1,
+    "one image stream",
+    (
+        Column("stream", "string", "", "depth or color"),
+        Column("frame_id", "string", "", "optical frame: x right, y down, z forward"),
+        Column("width_px", "int32", "px", "image width"),
+        Column("height_px", "int32", "px", "image height"),
+        Column("fx_px", "float64", "px", "focal length along u: K[0, 0]"),
+        Column("fy_px", "float64", "px", "focal length along v: K[1, 1]"),
+        Column("cx_px", "float64", "px", "principal point, u: K[0, 2]; the centre of the first pixel is 0"),
+        Column("cy_px", "float64", "px", "principal point, v: K[1, 2]; the centre of the first pixel is 0"),
+        Column("distortion_model", "string", "", "as in sensor_msgs/CameraInfo"),
+        Column("distortion", "list<float64>", "1", "coefficients of that model"),
+    ),
+    keys=("stream",),
+)
+
+GRIPPER = TableSpec(
+    "gripper",
+    2,
+    "one usable image of either stream",
+    (
+        Column("stream", "string", "", "depth or color: whose image, and in whose optical frame the point is"),
+        FRAME,
+        STAMP,
+        Column("x_m", "float64", "m", "end point of the gripper, optical frame of the stream, right", nullable=True),
+        Column("y_m", "float64", "m", "end point of the gripper, optical frame of the stream, down", nullable=True),
+        Column("z_m", "float64", "m", "end point of the gripper, optical frame of the stream, forward", nullable=True),
+        Column("source", "string", "", "topic, or tf when computed from the recorded transforms", nullable=True),
+        Column("gap_ns", "int64", "ns", "distance in time to the nearest sample the point rests on", nullable=True),
+        Column("reason", "string", "", "why there is no point; null when there is one", nullable=True),
+    ),
+    keys=("stream", "frame"),
+)
+
+JOINTS = TableSpec(
+    "joints",
+    1,
+    "one sample of one joint",
+    (
+        STAMP,
+        RECORD_STAMP,
+        Column("joint", "string", "", "name of the joint"),
+        Column("position_rad", "float64", "rad", "joint position", nullable=True),
+        Column("velocity_rad_s", "float64", "rad/s", "joint velocity", nullable=True),
+    ),
+)
 
 
 class DecodeParams(StageParams):
@@ -80,15 +153,16 @@ def decode(bag: Path, params: DecodeParams) -> dict[str, pa.Table]:
     with open_bag(bag) as opened:
         topics = _image_topics(opened, params)
         streams = {
-            name: [_frame_row(name, image) for image in opened.images(topic, name)] for name, topic in topics.items()
+            name: [_frame_row(name, topic, image) for image in opened.images(topic, name)]
+            for name, topic in topics.items()
         }
         for name, rows in streams.items():
             _warn_of_frames(f"{bag.name}: {topics[name]}", rows)
-        camera = CAMERA.build(_read_cameras(opened, streams, params))
-        gripper = GRIPPER.build(_read_grippers(opened, streams, params))
-        joints = JOINTS.build(_read_joints(opened, params.joint_topic))
+        camera = CAMERA.table(_read_cameras(opened, streams, params))
+        gripper = GRIPPER.table(_read_grippers(opened, streams, params))
+        joints = JOINTS.table(_read_joints(opened, params.joint_topic))
     rows = [row for stream in streams.values() for row in stream]
-    frames = FRAMES.build({column.name: [row[column.name] for row in rows] for column in FRAMES.columns})
+    frames = FRAMES.table({column.name: [row[column.name] for row in rows] for column in FRAMES.columns})
     return {"frames": frames, "camera": camera, "gripper": gripper, "joints": joints}
 
 
@@ -110,7 +184,7 @@ def _image_topics(bag: Bag, params: DecodeParams) -> dict[Stream, str]:
     return topics
 
 
-def _frame_row(stream: Stream, image: ImageMessage) -> Row:
+def _frame_row(stream: Stream, topic: str, image: ImageMessage) -> Row:
     """Describe one message; only decoding shows whether a compressed image is whole, and how large it is."""
     height_px, width_px, fault = image.height_px, image.width_px, image.fault
     if fault is None and height_px is None:
@@ -130,6 +204,7 @@ def _frame_row(stream: Stream, image: ImageMessage) -> Row:
         "step_bytes": image.step_bytes,
         "offset_bytes": image.offset_bytes,
         "size_bytes": image.size_bytes,
+        "topic": topic,
         "fault": fault,
     }
 

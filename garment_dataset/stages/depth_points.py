@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from pydantic import Field
 
-from garment_dataset.engine.stage import Stage, StageParams
+from garment_dataset.engine.table import Column, TableSpec
 from garment_dataset.errors import BagError, DataWarning
+from garment_dataset.stages.columns import FRAME, STAMP
 from garment_dataset.stages.depth_traces import Trace, trace_garment, trace_profiles
-from garment_dataset.stages.inputs import image_topic, known_grippers_m, usable_stamps_ns
-from garment_dataset.tables import CHAINS, POINTS
+from garment_dataset.stages.inputs import known_grippers_m, usable_images, usable_stamps_ns
+from garment_dataset.stages.stage import Stage, StageParams
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -23,7 +24,58 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from garment_dataset.bags import Bag
-    from garment_dataset.vision.cloud import Intrinsics
+    from garment_dataset.vision.depth.cloud import Intrinsics
+
+
+CHAINS = TableSpec(
+    "chains",
+    1,
+    "one sample of one depth frame, from the gripper down",
+    (
+        FRAME,
+        STAMP,
+        Column("sample", "int32", "1", "number of the sample, from 0 at the gripper"),
+        Column("x_m", "float64", "m", "mean of the window, depth optical frame, right"),
+        Column("y_m", "float64", "m", "middle of the window, depth optical frame, down"),
+        Column("z_m", "float64", "m", "mean of the window, depth optical frame, forward"),
+        Column("arc_length_m", "float64", "m", "along the chain, from the gripper's end point"),
+        Column("pixels", "int32", "1", "number of pixels in the window; 0 where a gap was bridged"),
+        Column("z_spread_m", "float64", "m", "standard deviation of z in the window", nullable=True),
+    ),
+    keys=("frame", "sample"),
+)
+
+POINTS = TableSpec(
+    "points",
+    2,
+    "one point of one depth frame",
+    (
+        FRAME,
+        STAMP,
+        Column("point", "int32", "1", "number of the point, 1 next to the gripper"),
+        Column("x_m", "float64", "m", "depth optical frame, right", nullable=True, uncertainty="x_std_m"),
+        Column("y_m", "float64", "m", "depth optical frame, down", nullable=True, uncertainty="y_std_m"),
+        Column("z_m", "float64", "m", "depth optical frame, forward", nullable=True, uncertainty="z_std_m"),
+        Column("x_std_m", "float64", "m", "standard uncertainty of x", nullable=True),
+        Column("y_std_m", "float64", "m", "standard uncertainty of y", nullable=True),
+        Column("z_std_m", "float64", "m", "standard uncertainty of z", nullable=True),
+        *(
+            Column(
+                f"material_{axis}_m",
+                "float64",
+                "m",
+                f"the point on the material line, estimated as the middle of the sheet, {side}; null: cannot be had",
+                nullable=True,
+            )
+            for axis, side in (("x", "right"), ("y", "down"), ("z", "forward"))
+        ),
+        Column("arc_length_m", "float64", "m", "along the garment, from the gripper's end point", nullable=True),
+        Column("garment_length_m", "float64", "m", "length of the garment the points divide", nullable=True),
+        Column("pixels", "int32", "1", "number of pixels the point rests on"),
+        Column("reason", "string", "", "why there is no point; null when there is one", nullable=True),
+    ),
+    keys=("frame", "point"),
+)
 
 
 class DepthPointsParams(StageParams):
@@ -34,7 +86,6 @@ class DepthPointsParams(StageParams):
         description="thesis: means over windows, eqs. (5.6) to (5.11), each frame alone. profile: planes fitted to the "
         "inverse depth around the plane x = x_gripper, smoothed over time; docs/accuracy.md compares them",
     )
-    depth_topic: str = Field(default="/xtion1/depth/image_raw", description="depth images, or their compressed variant")
     band_half_width_m: float = Field(
         default=0.27,
         gt=0,
@@ -121,7 +172,7 @@ def depth_points(
     Raises
     ------
     BagError
-        If the bag has no such topic, or the depth stream no camera.
+        If the depth stream has no camera.
 
     Warns
     -----
@@ -136,8 +187,7 @@ def depth_points(
         shape, intrinsics = _depth_camera(bag, camera)
         grippers_m = known_grippers_m(gripper, "depth")
         with open_bag(bag) as opened:
-            topic = image_topic(opened, params.depth_topic, "depth")
-            images = _Images(opened, topic, frozenset(stamps_ns), shape)
+            images = _Images(opened, frames, shape)
             if params.method == "thesis":
                 for frame, depth_mm in images:
                     traces[frame] = (
@@ -156,20 +206,18 @@ class _Images:
     """The usable depth images of a bag, by index; None for one of another size. Read anew in every loop."""
 
     bag: Bag
-    topic: str
-    wanted: frozenset[int]
+    frames: pa.Table
     shape: tuple[int, int]
 
     def __iter__(self) -> Iterator[tuple[int, NDArray[np.uint16] | None]]:
-        for image in self.bag.images(self.topic, "depth"):
-            if image.index in self.wanted:
-                depth_mm = image.pixels()
-                yield image.index, depth_mm if depth_mm.shape == self.shape else None
+        for image in usable_images(self.bag, self.frames, "depth"):
+            depth_mm = image.pixels()
+            yield image.index, depth_mm if depth_mm.shape == self.shape else None
 
 
 def _depth_camera(bag: Path, camera: pa.Table) -> tuple[tuple[int, int], Intrinsics]:
     """Return the shape that images must have, and their K."""
-    from garment_dataset.vision.cloud import Intrinsics
+    from garment_dataset.vision.depth.cloud import Intrinsics
 
     for row in camera.to_pylist():
         if row["stream"] == "depth":
@@ -197,7 +245,7 @@ def _chains(stamps_ns: Mapping[int, int], traces: Mapping[int, Trace]) -> pa.Tab
 
     none, nobody = np.empty(0), np.empty(0, np.int64)
     position_m = joined((chain.position_m for _, chain in found), np.empty((3, 0)))
-    return CHAINS.build(
+    return CHAINS.table(
         {
             "frame": np.repeat([frame for frame, _ in found], sizes),
             "stamp_ns": np.repeat(np.array([stamps_ns[frame] for frame, _ in found], np.int64), sizes),
@@ -228,7 +276,7 @@ def _points(stamps_ns: Mapping[int, int], traces: Mapping[int, Trace], point_cou
     axes = {f"{axis}_m": values.ravel() for axis, values in zip("xyz", position_m, strict=True)}
     axes |= {f"{axis}_std_m": values.ravel() for axis, values in zip("xyz", std_m, strict=True)}
     axes |= {f"material_{axis}_m": values.ravel() for axis, values in zip("xyz", material_m, strict=True)}
-    return POINTS.build(
+    return POINTS.table(
         {
             "frame": np.repeat(np.array(list(traces), np.int64), point_count),
             "stamp_ns": np.repeat(np.array([stamps_ns[frame] for frame in traces], np.int64), point_count),

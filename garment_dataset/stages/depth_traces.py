@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from garment_dataset.stages.depth_points import DepthPointsParams
-    from garment_dataset.vision.chain import Chain, ChainPoints
-    from garment_dataset.vision.cloud import Intrinsics, Point
+    from garment_dataset.vision.depth.chain import Chain, ChainPoints
+    from garment_dataset.vision.depth.cloud import Intrinsics, Point
 
 Reason = Literal["no_gripper", "image_size", "no_pixels", "few_pixels", "gap", "short"]
 """Why a frame has no points.
@@ -51,8 +51,8 @@ def trace_garment(
     params : DepthPointsParams
         See there.
     """
-    from garment_dataset.vision.chain import divide_chain, link_samples, sample_windows
-    from garment_dataset.vision.cloud import select_pixels
+    from garment_dataset.vision.depth.chain import divide_chain, link_samples, sample_windows
+    from garment_dataset.vision.depth.cloud import select_pixels
 
     if gripper_m is None:
         return Trace(reason="no_gripper")
@@ -102,11 +102,11 @@ def trace_profiles(
     """
     import numpy as np
 
-    from garment_dataset.vision.centre_line import Centre, divide_centre, smooth_centres, trace_centre
-    from garment_dataset.vision.flat_field import column_offsets, fixed_error_levels, inverse_depth_table
-    from garment_dataset.vision.profile import Profile, trace_profile
-    from garment_dataset.vision.tracking import divide_track, track_profiles
-    from garment_dataset.vision.uncertainty import ErrorSources
+    from garment_dataset.vision.depth.centre_line import Centre, divide_centre, smooth_centres, trace_centre
+    from garment_dataset.vision.depth.flat_field import column_offsets, fixed_error_levels, inverse_depth_table
+    from garment_dataset.vision.depth.profile import Profile, trace_profile
+    from garment_dataset.vision.depth.tracking import divide_track, track_profiles
+    from garment_dataset.vision.depth.uncertainty import ErrorSources
 
     chosen = set(list(stamps_ns)[:: max(len(stamps_ns) // params.flat_field_frames, 1)])
     some = [np.array(depth_mm) for frame, depth_mm in images if frame in chosen and depth_mm is not None]

@@ -7,9 +7,11 @@ from typing import TYPE_CHECKING, Literal
 from garment_dataset.errors import BagError
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
     import pyarrow as pa
 
-    from garment_dataset.bags import Bag
+    from garment_dataset.bags import Bag, ImageMessage
 
 Stream = Literal["depth", "color"]
 
@@ -26,15 +28,28 @@ def known_grippers_m(gripper: pa.Table, stream: Stream) -> dict[int, tuple[float
     return {frame: (x, y, z) for found, frame, x, y, z in rows if found == stream and None not in {x, y, z}}
 
 
-def image_topic(bag: Bag, base: str, stream: Stream) -> str:
-    """Return the topic of a stream's images: the one named, or its compressed variant.
+def image_topic(frames: pa.Table, stream: Stream) -> str | None:
+    """Return the topic that ``decode`` read a stream from; None when the bag has no such images."""
+    streams, topics = frames["stream"].to_pylist(), frames["topic"].to_pylist()
+    return next((topic for found, topic in zip(streams, topics, strict=True) if found == stream), None)
+
+
+def usable_images(bag: Bag, frames: pa.Table, stream: Stream) -> Iterator[ImageMessage]:
+    """Yield the usable images of a stream, in order; their pixels hold until the next one is asked for."""
+    wanted = usable_stamps_ns(frames, stream)
+    if (topic := image_topic(frames, stream)) is not None:
+        yield from (image for image in bag.images(topic, stream) if image.index in wanted)
+
+
+def require_images(frames: pa.Table, stream: Stream, where: str) -> None:
+    """Refuse a recording that has no images of a stream.
 
     Raises
     ------
     BagError
-        If the bag has neither.
+        If there is not one message.
     """
-    if (topic := bag.image_topic(base)) is None:
+    if image_topic(frames, stream) is None:
         name = {"depth": "depth", "color": "colour"}[stream]
-        raise BagError(f"no {name} images", where=bag.path.name, expected=base, found=", ".join(bag.topics))
-    return topic
+        hint = f"{stream}_topic under [params.decode] names the topic."
+        raise BagError(f"no {name} images", where=where, found="not one message of that stream", hint=hint)

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import Field, model_validator
 
-from garment_dataset.engine.stage import Stage, StageParams
-from garment_dataset.tables import KINEMATICS
+from garment_dataset.engine.table import Column, TableSpec
+from garment_dataset.stages.columns import FRAME, STAMP
+from garment_dataset.stages.stage import Stage, StageParams
 
 if TYPE_CHECKING:
     import numpy as np
@@ -17,6 +18,42 @@ if TYPE_CHECKING:
 
     FloatArray = NDArray[np.float64]
     IntArray = NDArray[np.int64]
+
+
+KINEMATICS = TableSpec(
+    "kinematics",
+    1,
+    "one point of one depth frame, the gripper among them",
+    (
+        FRAME,
+        STAMP,
+        Column("point", "int32", "1", "number of the point; 0 is the gripper, 1 next to it"),
+        Column("time_s", "float64", "s", "since the gripper began to move; null when it never did", nullable=True),
+        *(
+            Column(f"{axis}_m", "float64", "m", f"depth optical frame, {side}", nullable=True)
+            for axis, side in (("x", "right"), ("y", "down"), ("z", "forward"))
+        ),
+        *(
+            Column(f"d{axis}_m", "float64", "m", f"displacement from rest along {axis}", True, f"d{axis}_std_m")
+            for axis in "xyz"
+        ),
+        *(
+            Column(f"d{axis}_std_m", "float64", "m", f"standard uncertainty of d{axis}", nullable=True)
+            for axis in "xyz"
+        ),
+        Column("velocity_stamp_ns", "int64", "ns", "when the velocity holds: middle of its interval", nullable=True),
+        *(
+            Column(f"v{axis}_m_s", "float64", "m/s", f"velocity along {axis}", True, f"v{axis}_std_m_s")
+            for axis in "xyz"
+        ),
+        *(
+            Column(f"v{axis}_std_m_s", "float64", "m/s", f"standard uncertainty of v{axis}", nullable=True)
+            for axis in "xyz"
+        ),
+        Column("reason", "string", "", "why there is no position; null when there is one", nullable=True),
+    ),
+    keys=("frame", "point"),
+)
 
 
 class KinematicsParams(StageParams):
@@ -127,7 +164,7 @@ def kinematics(points: pa.Table, gripper: pa.Table, params: KinematicsParams) ->
         **per_axis("v{}_std_m_s", velocity_std_m_s),
         "reason": [reason for row in order for reason in tracks.reasons[row]],
     }
-    return {"kinematics": KINEMATICS.build(columns)}
+    return {"kinematics": KINEMATICS.table(columns)}
 
 
 def _tracks(points: pa.Table, gripper: pa.Table) -> _Tracks:

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, model_validator
 
-from garment_dataset.engine.stage import Stage, StageParams
+from garment_dataset.engine.table import Column, TableSpec
 from garment_dataset.errors import BagError, DataWarning
 from garment_dataset.stages.background import background_model
-from garment_dataset.stages.inputs import image_topic, known_grippers_m, usable_stamps_ns
-from garment_dataset.tables import SILHOUETTES
+from garment_dataset.stages.columns import FRAME, STAMP
+from garment_dataset.stages.inputs import known_grippers_m, require_images, usable_images, usable_stamps_ns
+from garment_dataset.stages.stage import Stage, StageParams
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,8 +25,8 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from numpy.typing import NDArray
 
-    from garment_dataset.vision.background import Background
-    from garment_dataset.vision.silhouette import BackgroundSubtractor
+    from garment_dataset.vision.color.background import Background
+    from garment_dataset.vision.color.silhouette import BackgroundSubtractor
 
     Row = dict[str, Any]
 
@@ -38,12 +39,42 @@ nothing as large as ``open_px`` and ``min_area_px2`` ask.
 """
 
 
+SILHOUETTES = TableSpec(
+    "silhouettes",
+    1,
+    "one usable colour frame",
+    (
+        FRAME,
+        STAMP,
+        Column("mask", "binary", "", "PNG of one bit per pixel, of the size of the image: white is garment", True),
+        Column("area_px2", "int32", "px2", "number of pixels of the mask", nullable=True),
+        Column("centroid_u_px", "float64", "px", "mean u of the mask; the centre of the first pixel is 0", True),
+        Column("centroid_v_px", "float64", "px", "mean v of the mask; the centre of the first pixel is 0", True),
+        Column("major_px", "float64", "px", "length of the major axis, as MATLAB's regionprops", nullable=True),
+        Column("minor_px", "float64", "px", "length of the minor axis, as MATLAB's regionprops", nullable=True),
+        Column("orientation_rad", "float64", "rad", "of the major axis, counter-clockwise from the u axis", True),
+        Column("box_u_px", "int32", "px", "first column of the mask", nullable=True),
+        Column("box_v_px", "int32", "px", "first row of the mask", nullable=True),
+        Column("box_width_px", "int32", "px", "number of columns from the first to the last of the mask", True),
+        Column("box_height_px", "int32", "px", "number of rows from the first to the last of the mask", True),
+        Column("outline_u_px", "list<int32>", "px", "u of the outer border's pixels, counter-clockwise", True),
+        Column("outline_v_px", "list<int32>", "px", "v of the same pixels", nullable=True),
+        Column("gripper_u_px", "float64", "px", "u of the gripper's end point in the image", nullable=True),
+        Column("gripper_v_px", "float64", "px", "v of the gripper's end point in the image", nullable=True),
+        *(
+            Column(f"drift_{channel}", "float64", "level", f"brightness against the background, {name}", nullable=True)
+            for channel, name in (("r", "red"), ("g", "green"), ("b", "blue"))
+        ),
+        Column("reason", "string", "", "why there is no mask; null when there is one", nullable=True),
+    ),
+    keys=("frame",),
+)
+"""``decode_mask(row.mask)`` of :mod:`garment_dataset.vision.color.masks` is the mask, (H, W) bool."""
+
+
 class SilhouetteParams(StageParams):
     """What counts as garment."""
 
-    color_topic: str = Field(
-        default="/xtion1/rgb/image_raw", description="colour images, or their compressed variant, below this name"
-    )
     alpha: float = Field(
         default=2.0, gt=1, description="difference from the background, in standard deviations, eq. (5.3)"
     )
@@ -132,28 +163,26 @@ def silhouette(
     """
     from garment_dataset.bags import open_bag
 
+    require_images(frames, "color", bag.name)
     model = background_model(background)
     subtractor = _subtractor(model, params)
     stamps_ns = usable_stamps_ns(frames, "color")
     grippers = _grippers(bag, camera, gripper) if params.remove_gripper else {}
     rows: list[Row] = []
     with open_bag(bag) as opened:
-        topic = image_topic(opened, params.color_topic, "color")
-        for image in opened.images(topic, "color"):
-            if image.index in stamps_ns:
-                held = grippers.get(image.index)
-                found_row = _measure(image.pixels(), model, subtractor, held, params)
-                rows.append({"frame": image.index, "stamp_ns": stamps_ns[image.index], **found_row})
+        for image in usable_images(opened, frames, "color"):
+            found_row = _measure(image.pixels(), model, subtractor, grippers.get(image.index), params)
+            rows.append({"frame": image.index, "stamp_ns": stamps_ns[image.index], **found_row})
     if unknown := [row["frame"] for row in rows if row.get("reason") == "no_gripper"]:
         text = f"{bag.name}: the gripper is not known in {len(unknown)} of {len(rows)} colour frames"
         warnings.warn(f"{text}, first in frame {unknown[0]}; they have no silhouette", DataWarning, stacklevel=2)
     names = [column.name for column in SILHOUETTES.columns]
-    return {"silhouettes": SILHOUETTES.build({name: [row.get(name) for row in rows] for name in names})}
+    return {"silhouettes": SILHOUETTES.table({name: [row.get(name) for row in rows] for name in names})}
 
 
 def _subtractor(model: Background, params: SilhouetteParams) -> BackgroundSubtractor:
-    from garment_dataset.vision.masks import polygon_mask, suggest_clip_mask
-    from garment_dataset.vision.silhouette import BackgroundSubtractor
+    from garment_dataset.vision.color.masks import polygon_mask, suggest_clip_mask
+    from garment_dataset.vision.color.silhouette import BackgroundSubtractor
 
     clip: NDArray[np.bool_] | None = None
     if params.clip_polygon:
@@ -209,8 +238,8 @@ def describe_mask(mask: NDArray[np.bool_]) -> Row:
     mask : (H, W) bool
         One 8-connected region, or none.
     """
-    from garment_dataset.vision.axes import region_axes
-    from garment_dataset.vision.masks import borders, encode_mask
+    from garment_dataset.vision.color.axes import region_axes
+    from garment_dataset.vision.color.masks import borders, encode_mask
 
     if not mask.any():
         return {"reason": "no_garment"}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal
 
-from garment_dataset.errors import FilterError, MissingExtraError
+from garment_dataset.errors import MissingExtraError, UsageError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -14,19 +14,19 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from garment_dataset.catalog import CatalogRow
-    from garment_dataset.workspace import Workspace
+    from garment_dataset.layout import Layout
 
 Stream = Literal["depth", "color"]
 
 FIGURE_SIZE_INCHES = (12.0, 6.5)
 
 
-def save_frame(workspace: Workspace, row: CatalogRow, frame: int, path: Path, *, stream: Stream | None = None) -> None:
+def save_frame(workspace: Layout, row: CatalogRow, frame: int, path: Path, *, stream: Stream | None = None) -> None:
     """Draw one frame with what was extracted from it.
 
     Parameters
     ----------
-    workspace : Workspace
+    workspace : Layout
         Holds the results.
     row : CatalogRow
         The recording; its bag must be there.
@@ -41,7 +41,7 @@ def save_frame(workspace: Workspace, row: CatalogRow, frame: int, path: Path, *,
     ------
     MissingExtraError
         If matplotlib is not installed.
-    FilterError
+    UsageError
         If there is no such usable frame.
     StoreError
         If the recording was not built yet.
@@ -51,35 +51,37 @@ def save_frame(workspace: Workspace, row: CatalogRow, frame: int, path: Path, *,
     images = _rows(workspace, "frames", row.recording).query("stream == @chosen and fault.isnull()")
     if frame not in set(images["frame"]):
         last = images["frame"].max()
-        raise FilterError(f"no such usable {chosen} frame", where=row.recording, expected=f"0 to {last}", found=frame)
+        raise UsageError(f"no such usable {chosen} frame", where=row.recording, expected=f"0 to {last}", found=frame)
     draw = _draw_depth if chosen == "depth" else _draw_color
-    draw(figure, workspace, row, frame)
+    draw(figure, workspace, row, frame, _pixels(row, frame, str(images["topic"].iloc[0]), chosen))
     figure.savefig(path, dpi=110)
 
 
-def _draw_depth(figure: Figure, workspace: Workspace, row: CatalogRow, frame: int) -> None:
-    from garment_dataset.stages.depth_points import DepthPointsParams
+def _draw_depth(figure: Figure, workspace: Layout, row: CatalogRow, frame: int, pixels: NDArray[Any]) -> None:
+    from garment_dataset.features.reading import result_params
     from garment_dataset.view.depth import DepthFrame, draw_depth
 
     tables = {name: _rows(workspace, name, row.recording) for name in ("camera", "gripper", "chains", "points")}
     gripper = tables["gripper"].query("stream == 'depth' and frame == @frame")
     drawn = DepthFrame(
-        _pixels(row, frame, DepthPointsParams().depth_topic, "depth"),
+        pixels,
         tables["camera"].query("stream == 'depth'").iloc[0],
         gripper.iloc[0] if len(gripper) else None,
         tables["chains"].query("frame == @frame"),
         tables["points"].query("frame == @frame"),
     )
-    draw_depth(figure, drawn, f"{row.recording}, depth frame {frame}", band_half_width_m=0.27)
+    params = result_params("points", row.recording, folder=workspace.features_dir)
+    draw_depth(
+        figure, drawn, f"{row.recording}, depth frame {frame}", band_half_width_m=float(params["band_half_width_m"])
+    )
 
 
-def _draw_color(figure: Figure, workspace: Workspace, row: CatalogRow, frame: int) -> None:
-    from garment_dataset.stages.silhouette import SilhouetteParams
+def _draw_color(figure: Figure, workspace: Layout, row: CatalogRow, frame: int, pixels: NDArray[Any]) -> None:
     from garment_dataset.view.color import ColorFrame, draw_color
 
     silhouette = _rows(workspace, "silhouettes", row.recording).query("frame == @frame").iloc[0]
     drawn = ColorFrame(
-        _pixels(row, frame, SilhouetteParams().color_topic, "color"),
+        pixels,
         {str(name): value for name, value in silhouette.items()},
         _rows(workspace, "central_curves", row.recording).query("frame == @frame"),
     )
@@ -103,20 +105,18 @@ def new_figure() -> Figure:
     return Figure(figsize=FIGURE_SIZE_INCHES, layout="constrained")
 
 
-def _rows(workspace: Workspace, table: str, recording: str) -> pd.DataFrame:
-    from garment_dataset.features import load_features
+def _rows(workspace: Layout, table: str, recording: str) -> pd.DataFrame:
+    from garment_dataset.features.reading import load_features
 
     return load_features(table, folder=workspace.features_dir, recording=recording)
 
 
-def _pixels(row: CatalogRow, frame: int, base_topic: str, stream: Stream) -> NDArray[Any]:
+def _pixels(row: CatalogRow, frame: int, topic: str, stream: Stream) -> NDArray[Any]:
     from garment_dataset.bags import open_bag
 
     assert row.path is not None
     with open_bag(row.path) as bag:
-        topic = bag.image_topic(base_topic)
-        assert topic is not None
         for image in bag.images(topic, stream):
             if image.index == frame:
                 return image.pixels().copy()
-    raise FilterError(f"no such {stream} frame", where=row.path, found=frame)
+    raise UsageError(f"no such {stream} frame", where=row.path, found=frame)

@@ -56,7 +56,7 @@ def copy(tmp_path: Path, workspace: Workspace, garment: Garment) -> Copy:
 
 
 def test_a_comment_and_an_unrelated_function_rebuild_nothing(copy: Copy) -> None:
-    path = copy.folder / "garment_dataset" / "vision" / "chain.py"
+    path = copy.folder / "garment_dataset" / "vision" / "depth" / "chain.py"
     unrelated = "\n\ndef nobody_calls_this() -> int:\n    return 1\n"
     path.write_text("# a remark\n\n" + path.read_text("utf-8") + unrelated, "utf-8")
     copy.edit("stages/depth_points.py", "STAGE = Stage(", "# another remark\nSTAGE = Stage(")
@@ -67,9 +67,9 @@ def test_a_comment_and_an_unrelated_function_rebuild_nothing(copy: Copy) -> None
     ("module", "old", "new", "symbol"),
     [
         # a helper more than two calls away from the stage
-        ("vision/chain.py", "(steps * steps).sum", "(steps**2).sum", "vision.chain:_link_lengths"),
+        ("vision/depth/chain.py", "(steps * steps).sum", "(steps**2).sum", "vision.depth.chain:_link_lengths"),
         # a module constant that one of them reads
-        ("vision/cloud.py", "NOISE_LEVELS = 0.64", "NOISE_LEVELS = 0.64 * 1", "vision.cloud:NOISE_LEVELS"),
+        ("vision/depth/cloud.py", "NOISE_LEVELS = 0.64", "NOISE_LEVELS = 0.64 * 1", "vision.depth.cloud:NOISE_LEVELS"),
     ],
 )
 def test_a_semantic_edit_rebuilds_what_reaches_it_and_no_more(

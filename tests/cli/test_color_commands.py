@@ -10,7 +10,7 @@ import cv2
 import numpy as np
 import pytest
 
-from garment_dataset.features import load_features
+from garment_dataset.features.reading import load_features
 
 if TYPE_CHECKING:
     from garment_dataset.workspace import Workspace

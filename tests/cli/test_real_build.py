@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pandas as pd
 import pytest
 
-from garment_dataset.features import load_features
+from garment_dataset.features.reading import load_features
 from garment_dataset.workspace import Workspace
 
 if TYPE_CHECKING:

@@ -12,11 +12,13 @@ import pytest
 
 import garment_dataset
 from garment_dataset.engine.code import CodeCache
+from garment_dataset.engine.events import Event, Report
 from garment_dataset.engine.executors import Pool, local_executor
 from garment_dataset.engine.graph import Graph, Node, NodeId
 from garment_dataset.engine.plan import Plan, State, make_plan
-from garment_dataset.engine.run import Build, Event, Options, Report
+from garment_dataset.engine.run import Options, Run
 from garment_dataset.engine.store import Store
+from garment_dataset.engine.table import Column, Label
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -24,28 +26,15 @@ if TYPE_CHECKING:
     from garment_dataset.engine.stage import Stage
 
 ROOTS = {"garment_dataset": Path(garment_dataset.__file__).parent}
+SUBJECT = Column("subject", "string", "", "whose rows these are")
 TOY = {
     "__init__.py": '"""A toy package."""\n',
     "tables.py": """
-from dataclasses import dataclass
+from garment_dataset.engine.table import Column, TableSpec
 
-
-@dataclass(frozen=True)
-class Output:
-    name: str
-
-    def finish(self, table, labels):
-        import pyarrow as pa
-
-        for name, value in reversed(labels.items()):
-            table = table.add_column(0, name, pa.array([value] * table.num_rows))
-        return table
-
-    def describe(self):
-        return {"table": self.name}
-
-
-NUMBERS, SQUARES, TOTAL = Output("numbers"), Output("squares"), Output("total")
+NUMBERS = TableSpec("numbers", 1, "one number", (Column("value", "int64", "1", "the number"),))
+SQUARES = TableSpec("squares", 1, "one number", (Column("value", "float64", "1", "its square"),))
+TOTAL = TableSpec("total", 1, "the sum", (Column("value", "float64", "1", "sum of the squares"),))
 """,
     "helpers.py": """
 UNIT = 1
@@ -73,7 +62,7 @@ from pathlib import Path
 import pyarrow as pa
 
 from garment_dataset.engine.stage import Stage, StageParams
-from garment_dataset.errors import BagError, DataWarning
+from garment_dataset.engine.errors import DataWarning, SourceError
 from toy.helpers import parse
 from toy.tables import NUMBERS
 
@@ -92,16 +81,16 @@ def numbers(bag: Path, params: NumbersParams):
 
         os._exit(9)
     if "bad" in text:
-        raise BagError("holds the word bad", where=bag.name)
+        raise SourceError("holds the word bad", where=bag.name)
     if "bug" in text:
         raise ZeroDivisionError("a bug")
     if "skip" in text:
         warnings.warn("one word skipped", DataWarning, stacklevel=2)
         text = text.replace("skip", "")
-    return {"numbers": pa.table({"value": pa.array([v + params.offset for v in parse(text)], pa.int64())})}
+    return {"numbers": NUMBERS.table({"value": [v + params.offset for v in parse(text)]})}
 
 
-STAGE = Stage(numbers, params=NumbersParams, outputs=(NUMBERS,))
+STAGE = Stage(numbers, params=NumbersParams, outputs=(NUMBERS,), sources=frozenset({"bag"}))
 """,
     "squares.py": """
 import pyarrow as pa
@@ -117,7 +106,7 @@ class SquaresParams(StageParams):
 
 def squares(numbers: pa.Table, params: SquaresParams):
     values = [params.factor * square(v) for v in numbers["value"].to_pylist()]
-    return {"squares": pa.table({"value": pa.array(values, pa.float64())})}
+    return {"squares": SQUARES.table({"value": values})}
 
 
 STAGE = Stage(squares, params=SquaresParams, outputs=(SQUARES,))
@@ -134,7 +123,7 @@ class TotalParams(StageParams):
 
 
 def total(squares: pa.Table, params: TotalParams):
-    return {"total": pa.table({"value": pa.array([sum(squares["value"].to_pylist())], pa.float64())})}
+    return {"total": TOTAL.table({"value": [sum(squares["value"].to_pylist())]})}
 
 
 STAGE = Stage(total, params=TotalParams, outputs=(TOTAL,))
@@ -190,7 +179,7 @@ class Toy:
                     stage.params.model_validate(self.params.get(name, {})),
                     sources=feeds[name][0],
                     inputs=feeds[name][1],
-                    labels={"subject": path.stem},
+                    labels=(Label(SUBJECT, path.stem),),
                     partition="kind=toy",
                 )
                 for name, stage in stages.items()
@@ -214,7 +203,7 @@ class Toy:
             plan = make_plan(graph, codes, store)
             report = Report()
             if options is not None:
-                build = Build(
+                run = Run(
                     graph,
                     plan,
                     codes=codes,
@@ -224,7 +213,7 @@ class Toy:
                     options=options,
                     emit=events.append,
                 )
-                report = build.run()
+                report = run.finish()
                 assert len(events) + plan.counts()[State.FRESH] * (not options.forced) == len(graph)
         finally:
             store.close()

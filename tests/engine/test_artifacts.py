@@ -116,5 +116,5 @@ def test_files_of_others_are_refused(tmp_path: Path) -> None:
     for path in (foreign, broken, tmp_path / "absent.parquet"):
         with pytest.raises(StoreError, match=path.name):
             read_provenance(path)
-    with pytest.raises(StoreError, match="garment build"):
+    with pytest.raises(StoreError, match="next build"):
         read_artifact(broken)

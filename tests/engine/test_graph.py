@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import pytest
@@ -11,22 +10,12 @@ from hypothesis import strategies as st
 
 from garment_dataset.engine.graph import Graph, Node, NodeId, producers
 from garment_dataset.engine.stage import Stage, StageParams
+from garment_dataset.engine.table import TableSpec
 from garment_dataset.errors import StageError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
-
-
-@dataclass(frozen=True)
-class Output:
-    name: str
-
-    def finish(self, table: Any, labels: Mapping[str, Any]) -> Any:
-        return (table, labels)
-
-    def describe(self) -> dict[str, object]:
-        return {}
 
 
 def first(bag: Path, params: StageParams) -> dict[str, Any]:
@@ -37,8 +26,9 @@ def second(one: Any, params: StageParams) -> dict[str, Any]:
     return {"two": (one, params)}
 
 
-FIRST = Stage(first, StageParams, (Output("one"),))
-SECOND = Stage(second, StageParams, (Output("two"),))
+ONE = TableSpec("one", 1, "one", ())
+FIRST = Stage(first, StageParams, (ONE,), frozenset({"bag"}))
+SECOND = Stage(second, StageParams, (TableSpec("two", 1, "one", ()),))
 
 
 def node(name: str, feeds: Mapping[str, NodeId] | None = None) -> Node:
@@ -70,8 +60,11 @@ def test_stages_of_one_subject_stand_together() -> None:
 def test_a_restricted_graph_keeps_what_feeds_it() -> None:
     nodes = [node("a"), node("b"), node("a", {"one": NodeId("first", "a")})]
     graph = Graph(nodes)
-    assert [found.id for found in graph.restricted_to([NodeId("second", "a")])] == [("first", "a"), ("second", "a")]
-    assert graph.downstream(NodeId("first", "a")) == [("second", "a")]
+    assert [found.id for found in graph.restricted_to([NodeId("second", "a")])] == [
+        NodeId("first", "a"),
+        NodeId("second", "a"),
+    ]
+    assert graph.downstream(NodeId("first", "a")) == [NodeId("second", "a")]
 
 
 def test_what_does_not_fit_is_refused() -> None:
@@ -89,4 +82,4 @@ def test_tables_have_one_maker_each() -> None:
     with pytest.raises(StageError, match="'one' is no table of any stage"):
         producers([SECOND])
     with pytest.raises(StageError, match="made by two stages"):
-        producers([FIRST, Stage(first, StageParams, (Output("one"),))])
+        producers([FIRST, Stage(first, StageParams, (ONE,), frozenset({"bag"}))])

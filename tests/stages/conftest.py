@@ -9,7 +9,9 @@ import pytest
 from rosbags.rosbag1 import Writer
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
-from garment_dataset.tables import CAMERA, FRAMES, GRIPPER
+from garment_dataset.engine.table import Label
+from garment_dataset.stages import stage
+from garment_dataset.stages.decode import CAMERA, FRAMES, GRIPPER
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -144,20 +146,12 @@ def ros() -> Messages:
 class ColorTables:
     """What ``decode`` would have said of colour images of a made recording, as the engine hands it on."""
 
-    identity: dict[str, Any] = field(
-        default_factory=lambda: {
-            "recording": "Made_Free_pi16_0.5_B1",
-            "axis": "B",
-            "speed": 0.5,
-            "repeat": None,
-            "swing_rad": None,
-        }
-    )
-
     def of(self, spec: Any, rows: Sequence[dict[str, Any]]) -> Any:
         """Return a table with the identity columns in front; columns not given are null."""
         columns = {column.name: [row.get(column.name) for row in rows] for column in spec.columns}
-        return spec.finish(spec.build(columns), self.identity)
+        values = ("Made_Free_pi16_0.5_B1", "B", 0.5, None, None)
+        labels = [Label(column, value) for column, value in zip(stage.IDENTITY, values, strict=True)]
+        return spec.labelled(spec.table(columns), labels)
 
     def frames(self, stamps_ns: Sequence[int], faulty: Sequence[int] = ()) -> Any:
         rows = [
@@ -166,6 +160,7 @@ class ColorTables:
                 "frame": frame,
                 "stamp_ns": stamp_ns,
                 "record_stamp_ns": 0,
+                "topic": "/xtion1/rgb/image_raw",
                 "fault": "torn" if frame in faulty and stream == "color" else None,
             }
             for stream in ("depth", "color")

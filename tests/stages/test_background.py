@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from garment_dataset.errors import BagError
-from garment_dataset.stages.background import STAGE, BackgroundParams, background, background_model
-from garment_dataset.tables import BACKGROUND
+from garment_dataset.errors import BagError, PictureError
+from garment_dataset.stages.background import BACKGROUND, STAGE, BackgroundParams, background, background_model
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -45,11 +44,11 @@ def expected(frames: list[int]) -> tuple[NDArray[np.float64], NDArray[np.float64
 def test_the_stage_runs_once_per_camera_position() -> None:
     assert (STAGE.name, STAGE.per, STAGE.inputs, STAGE.outputs) == (
         "background",
-        "background",
+        "position",
         ("frames",),
         (BACKGROUND,),
     )
-    assert BACKGROUND.partitions == ()
+    assert STAGE.partitions == ()
 
 
 @pytest.mark.parametrize(
@@ -100,9 +99,9 @@ def test_too_few_frames_are_refused(
 
 def test_no_colour_images_and_unequal_ones_are_refused(recorder: Any, ros: Any, color_tables: Any) -> None:
     bag = write(recorder, ros, sizes={3: (3, 6)})
-    with pytest.raises(BagError, match=f"no colour images: expected /other, found {TOPIC}"):
-        background(bag, color_tables.frames(STAMPS), BackgroundParams(color_topic="/other"))
-    with pytest.raises(BagError, match="unequal size"):
+    with pytest.raises(BagError, match=r"at least 2 usable colour frames.* found 0"):
+        background(bag, color_tables.frames([]), BackgroundParams())
+    with pytest.raises(PictureError, match="unequal size"):
         background(bag, color_tables.frames(STAMPS), BackgroundParams())
 
 
@@ -111,7 +110,7 @@ def test_the_table_gives_the_model_back(height: int, width: int, count: int, ran
     shape = (height, width, 3)
     numbers = np.array([random.uniform(0, 255) for _ in range(2 * height * width * 3)]).reshape(2, *shape)
     columns = {name: [row.ravel() for row in values] for name, values in zip(("mean", "std"), numbers, strict=True)}
-    table = BACKGROUND.build({"v_px": range(height), "frame_count": [count] * height, **columns})
+    table = BACKGROUND.table({"v_px": range(height), "frame_count": [count] * height, **columns})
     model = background_model(table)
     assert (model.mean == numbers[0]).all()
     assert (model.std == numbers[1]).all()

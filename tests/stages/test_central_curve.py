@@ -9,9 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from garment_dataset.stages.central_curve import STAGE, CentralCurveParams, central_curve
-from garment_dataset.stages.silhouette import describe_mask
-from garment_dataset.tables import CENTRAL_CURVES, SILHOUETTES
+from garment_dataset.stages.central_curve import CENTRAL_CURVES, STAGE, CentralCurveParams, central_curve
+from garment_dataset.stages.silhouette import SILHOUETTES, describe_mask
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -23,7 +22,7 @@ SHAPE = (120, 160)
 def table_of(*masks: NDArray[np.bool_]) -> Any:
     """Return the silhouettes of these masks, as frames 0, 2, 4, …"""
     rows = [{"frame": 2 * i, "stamp_ns": 1000 + i, **describe_mask(mask)} for i, mask in enumerate(masks)]
-    return SILHOUETTES.build({column.name: [row.get(column.name) for row in rows] for column in SILHOUETTES.columns})
+    return SILHOUETTES.table({column.name: [row.get(column.name) for row in rows] for column in SILHOUETTES.columns})
 
 
 def run(*masks: NDArray[np.bool_], **knobs: Any) -> pd.DataFrame:

@@ -7,8 +7,7 @@ import pytest
 
 from garment_dataset.bags.rosbag1 import Rosbag1
 from garment_dataset.errors import BagError, DataWarning
-from garment_dataset.stages.decode import STAGE, DecodeParams, decode
-from garment_dataset.tables import CAMERA, FRAMES, GRIPPER, JOINTS
+from garment_dataset.stages.decode import CAMERA, FRAMES, GRIPPER, JOINTS, STAGE, DecodeParams, decode
 
 if TYPE_CHECKING:
     from pathlib import Path

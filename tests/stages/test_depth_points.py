@@ -8,11 +8,13 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import pytest
 
+from garment_dataset.engine.table import Label
 from garment_dataset.errors import BagError, DataWarning
-from garment_dataset.stages.depth_points import DepthPointsParams, depth_points
+from garment_dataset.stages.decode import CAMERA, FRAMES, GRIPPER
+from garment_dataset.stages.depth_points import CHAINS, POINTS, DepthPointsParams, depth_points
 from garment_dataset.stages.depth_traces import trace_garment
-from garment_dataset.tables import CAMERA, CHAINS, FRAMES, GRIPPER, POINTS
-from garment_dataset.vision.cloud import Intrinsics
+from garment_dataset.stages.stage import IDENTITY
+from garment_dataset.vision.depth.cloud import Intrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -29,13 +31,10 @@ SHAPE = (240, 320)
 THESIS = DepthPointsParams(method="thesis")
 GRIPPER_M = (0.01, -0.25, 1.065)
 PITCH_M = 1.065 / 284
-IDENTITY: dict[str, Any] = {
-    "recording": "Made_Free_pi16_0.5_R1",
-    "axis": "R",
-    "speed": 0.5,
-    "repeat": None,
-    "swing_rad": None,
-}
+LABELS = [
+    Label(column, value)
+    for column, value in zip(IDENTITY, ("Made_Free_pi16_0.5_R1", "R", 0.5, None, None), strict=True)
+]
 
 
 def vertical(*spans_m: tuple[float, float], z_mm: int = 1065) -> Image:
@@ -67,17 +66,18 @@ def stamp_ns(frame: int) -> int:
 def table_of(spec: Any, rows: Sequence[dict[str, Any]]) -> pa.Table:
     """Return a table as the engine hands it on, its identity columns in front; columns not given are null."""
     columns = {column.name: [row.get(column.name) for row in rows] for column in spec.columns}
-    table: pa.Table = spec.finish(spec.build(columns), IDENTITY)
+    table: pa.Table = spec.labelled(spec.table(columns), LABELS)
     return table
 
 
-def frames_table(count: int, faulty: Sequence[int] = ()) -> pa.Table:
+def frames_table(count: int, faulty: Sequence[int] = (), topic: str = TOPIC) -> pa.Table:
     rows = [
         {
             "stream": stream,
             "frame": frame,
             "stamp_ns": stamp_ns(frame),
             "record_stamp_ns": 0,
+            "topic": topic,
             "fault": "torn" if frame in faulty and stream == "depth" else None,
         }
         for stream in ("depth", "color")
@@ -202,16 +202,15 @@ def test_no_usable_depth_frame_gives_empty_tables_without_opening_the_bag(tmp_pa
     tables = depth_points(tmp_path / "none.bag", frames, camera_table(), gripper_table(0), THESIS)
     assert {name: table.num_rows for name, table in tables.items()} == {"chains": 0, "points": 0}
     for spec in (CHAINS, POINTS):
-        spec.finish(tables[spec.name], IDENTITY)
+        spec.labelled(tables[spec.name], LABELS)
 
 
-def test_a_missing_topic_and_a_missing_camera_are_said(write_bag: WriteBag) -> None:
+def test_images_come_from_the_topic_that_decode_found_and_a_missing_camera_is_said(write_bag: WriteBag) -> None:
     bag = write_bag(vertical((0, 0.64)), topic="/other")
-    with pytest.raises(BagError, match=r"no depth images: expected /xtion1/depth/image_raw, found /other"):
-        run(bag, 1)
     with pytest.raises(BagError, match="no camera for the depth images"):
         depth_points(bag, frames_table(1), camera_table(stream="infra"), gripper_table(1), THESIS)
-    assert run(bag, 1, DepthPointsParams(method="thesis", depth_topic="/other"))["points"].num_rows == 5
+    tables = depth_points(bag, frames_table(1, topic="/other"), camera_table(), gripper_table(1), THESIS)
+    assert tables["points"].num_rows == 5
 
 
 @pytest.mark.real

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
+from garment_dataset.stages.decode import CAMERA, FRAMES, GRIPPER
 from garment_dataset.stages.depth_points import DepthPointsParams, depth_points
-from garment_dataset.tables import CAMERA, FRAMES, GRIPPER
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -42,7 +42,7 @@ def stamp_ns(frame: int) -> int:
 
 
 def build(spec: Any, rows: Sequence[dict[str, Any]]) -> pa.Table:
-    table: pa.Table = spec.build({column.name: [row.get(column.name) for row in rows] for column in spec.columns})
+    table: pa.Table = spec.table({column.name: [row.get(column.name) for row in rows] for column in spec.columns})
     return table
 
 
@@ -56,7 +56,7 @@ def run(recorder: Any, ros: Any, images: Sequence[Image], **knobs: Any) -> dict[
     camera = {"stream": "depth", **size, **K, "distortion_model": "plumb_bob", "distortion": [0.0] * 5}
     return depth_points(
         bag,
-        build(FRAMES, [{**row, "record_stamp_ns": 0} for row in rows]),
+        build(FRAMES, [{**row, "record_stamp_ns": 0, "topic": TOPIC} for row in rows]),
         build(CAMERA, [camera]),
         build(GRIPPER, [{**row, **place} for row in rows]),
         DepthPointsParams(**knobs),

@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from garment_dataset.stages.kinematics import KinematicsParams, kinematics
-from garment_dataset.tables import GRIPPER, KINEMATICS, POINTS
+from garment_dataset.stages.decode import GRIPPER
+from garment_dataset.stages.depth_points import POINTS
+from garment_dataset.stages.kinematics import KINEMATICS, KinematicsParams, kinematics
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -56,7 +57,7 @@ def tables(count: int = 30, *, rest: int = REST, missing: Mapping[int, str] | No
 
 
 def build(spec: Any, rows: Sequence[Mapping[str, Any]]) -> pa.Table:
-    table: pa.Table = spec.build({column.name: [row.get(column.name) for row in rows] for column in spec.columns})
+    table: pa.Table = spec.table({column.name: [row.get(column.name) for row in rows] for column in spec.columns})
     return table
 
 

@@ -10,9 +10,9 @@ import pytest
 from pydantic import ValidationError
 
 from garment_dataset.errors import BagError, DataWarning
-from garment_dataset.stages.silhouette import STAGE, SilhouetteParams, silhouette
-from garment_dataset.tables import BACKGROUND, SILHOUETTES
-from garment_dataset.vision.masks import decode_mask
+from garment_dataset.stages.background import BACKGROUND
+from garment_dataset.stages.silhouette import SILHOUETTES, STAGE, SilhouetteParams, silhouette
+from garment_dataset.vision.color.masks import decode_mask
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -233,14 +233,13 @@ def test_a_wall_that_is_nowhere_plain_is_not_clipped(run: Any, color_tables: Any
     assert row["area_px2"] == pytest.approx(1200, rel=0.02)
 
 
-def test_a_missing_topic_and_a_missing_camera_are_refused(
-    run: Any, recorder: Any, color_tables: Any, scene: Any
-) -> None:
-    with pytest.raises(BagError, match=f"no colour images: expected /other, found {TOPIC}"):
-        run(with_sheet(0), params=SilhouetteParams(color_topic="/other"))
+def test_no_images_and_a_missing_camera_are_refused(run: Any, recorder: Any, color_tables: Any, scene: Any) -> None:
+    run(with_sheet(0))
     stamps = stamps_ns(1)
     camera = color_tables.camera((WIDTH, HEIGHT), FOCAL, CENTRE)
     tables = (color_tables.frames(stamps), camera.slice(0, 1), color_tables.gripper(stamps, [GRIPPER_M]), scene)
+    with pytest.raises(BagError, match="no colour images: found not one message"):
+        silhouette(recorder.path, color_tables.frames([]), *tables[1:], EXACT)
     with pytest.raises(BagError, match=r"no camera for the colour images.* remove_gripper = false"):
         silhouette(recorder.path, *tables, EXACT)
     kept = silhouette(recorder.path, *tables, SilhouetteParams(remove_gripper=False))["silhouettes"]

@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
-from garment_dataset.vision.cloud import Cloud, Intrinsics
+from garment_dataset.vision.depth.cloud import Cloud, Intrinsics
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
     from numpy.typing import NDArray
 
-    from garment_dataset.vision.cloud import Point
+    from garment_dataset.vision.depth.cloud import Point
 
     FloatArray = NDArray[np.float64]
     Profile = Callable[[FloatArray], FloatArray]

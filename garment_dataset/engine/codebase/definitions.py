@@ -18,7 +18,7 @@ from garment_dataset.engine.codebase.scopes import (
     function_bindings,
     type_parameter_bindings,
 )
-from garment_dataset.errors import UntraceableCodeError
+from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -10,7 +10,7 @@ from garment_dataset.engine.codebase.references import CALLED, CHANGED, GIVEN, H
 from garment_dataset.engine.codebase.rules import MODULE_FUNCTIONS, REFUSED_ATTRIBUTES, module_as_value
 from garment_dataset.engine.codebase.statements import CHANGING_METHODS
 from garment_dataset.engine.codebase.values import last_name
-from garment_dataset.errors import UntraceableCodeError
+from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
     from collections.abc import Callable

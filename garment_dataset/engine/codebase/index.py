@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 from garment_dataset.engine.codebase.modules import ModuleRef, Symbol
 from garment_dataset.engine.codebase.values import Values
 from garment_dataset.engine.codebase.writer import facts_of
-from garment_dataset.errors import UntraceableCodeError
+from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable

@@ -6,7 +6,7 @@ import functools
 import importlib.util
 from typing import TYPE_CHECKING
 
-from garment_dataset.errors import UntraceableCodeError
+from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

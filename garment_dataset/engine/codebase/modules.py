@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, NamedTuple
 from garment_dataset.engine.codebase.rules import MODULE_VARIABLES
 from garment_dataset.engine.codebase.scopes import DEFINITION, Bindings, Home, ImportTarget, global_writes
 from garment_dataset.engine.codebase.statements import Statement, statements_of
-from garment_dataset.errors import UntraceableCodeError
+from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping

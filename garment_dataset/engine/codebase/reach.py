@@ -16,7 +16,7 @@ from garment_dataset.engine.codebase.modules import Symbol, with_parents
 from garment_dataset.engine.codebase.references import CALLED, CHANGED, GIVEN, HELD, LATER, LENT, METHOD, NOW
 from garment_dataset.engine.codebase.rules import located, reached_through
 from garment_dataset.engine.codebase.values import CODE, CONTAINER, FROZEN, INSTANCE, UNKNOWN
-from garment_dataset.errors import UntraceableCodeError
+from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable

@@ -11,7 +11,7 @@ from garment_dataset.engine.codebase.modules import External, ModuleRef, Symbol
 from garment_dataset.engine.codebase.rules import located, module_as_value, refusal_of
 from garment_dataset.engine.codebase.scopes import CLASS, DEFINITION, MODULE, PARAMETER, Bindings, Scope
 from garment_dataset.engine.codebase.statements import root_name
-from garment_dataset.errors import UntraceableCodeError
+from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
     from garment_dataset.engine.codebase.modules import Module, Modules, Target

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from garment_dataset.errors import UntraceableCodeError
+from garment_dataset.engine.errors import UntraceableCodeError
 
 _BY_NAME = "Call or import it by name; a dict of functions serves where the choice is made at run time"
 _AS_CONSTANT = "Make it a constant of the code, a parameter or an input"

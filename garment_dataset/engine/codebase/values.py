@@ -6,7 +6,7 @@ import ast
 from typing import TYPE_CHECKING
 
 from garment_dataset.engine.codebase.modules import External, Symbol
-from garment_dataset.errors import UntraceableCodeError
+from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
     from garment_dataset.engine.codebase.modules import Module, Modules, Target

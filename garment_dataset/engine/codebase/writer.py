@@ -17,7 +17,7 @@ from garment_dataset.engine.codebase.definitions import DEFINITIONS
 from garment_dataset.engine.codebase.expressions import EXPRESSIONS, constant
 from garment_dataset.engine.codebase.references import GIVEN, HELD, READ, References
 from garment_dataset.engine.codebase.scopes import Bindings, Scope
-from garment_dataset.errors import UntraceableCodeError
+from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

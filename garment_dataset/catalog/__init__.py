@@ -1,0 +1,245 @@
+"""The catalog: which recordings there should be, which there are, and all that tables and names say about them."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, ClassVar
+
+from garment_dataset.catalog.filters import compile_filter, terms_of
+from garment_dataset.catalog.folder import FolderScan, scan
+from garment_dataset.catalog.names import BackgroundName, RecordingName, parse_bag_name
+from garment_dataset.catalog.rows import LABELS, ROW_KEYS, ROW_UNITS, UNSPECIFIED, CatalogRow, join_rows, to_frame
+from garment_dataset.catalog.tables import Background, Garment, Holding, Recording, Tables, read_tables
+from garment_dataset.errors import CatalogError
+from garment_dataset.layout import nearest_catalog
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+    import pandas as pd
+
+    from garment_dataset.catalog.filters import Kind
+
+__all__ = [
+    "ROW_KEYS",
+    "ROW_UNITS",
+    "Background",
+    "BackgroundSource",
+    "Catalog",
+    "CatalogRow",
+    "Garment",
+    "Holding",
+    "Recording",
+    "Tables",
+]
+
+
+@dataclass(frozen=True, slots=True)
+class BackgroundSource:
+    """What shows the empty scene to the recordings of one camera position.
+
+    Parameters
+    ----------
+    topics_file : int
+        Number X in the names of these recordings.
+    source : str
+        Name of the bag: of an empty scene, or of a recording.
+    from_s, to_s : float or None
+        Interval of the bag, from the first to before the second, after its first colour image; None: without bound.
+    path : Path or None
+        The bag; None when the folder does not hold it, or was not looked at.
+    missing : str
+        What to provide when it is not there.
+    row : CatalogRow or None
+        The bag's own row, when it is a recording.
+    """
+
+    topics_file: int
+    source: str
+    from_s: float | None
+    to_s: float | None
+    path: Path | None
+    missing: str
+    row: CatalogRow | None
+
+    @property
+    def labels(self) -> dict[str, str | int | float | None]:
+        """What stands in the identity columns of its results."""
+        return self.row.labels if self.row is not None else {**dict.fromkeys(LABELS), "recording": self.source}
+
+    @property
+    def partition(self) -> dict[str, str]:
+        """The hive partition of the results of its bag."""
+        if self.row is not None:
+            return self.row.partition
+        return {"garment": "camera_default", "holding": UNSPECIFIED}
+
+    def record(self) -> dict[str, object]:
+        """Return it as plain values, for ``--json``."""
+        names = ("topics_file", "source", "from_s", "to_s", "path", "missing")
+        return {name: getattr(self, name) for name in names}
+
+    def __str__(self) -> str:
+        if self.from_s is None and self.to_s is None:
+            return self.source
+        end = "its end" if self.to_s is None else f"{self.to_s:g} s"
+        return f"{self.source}, {self.from_s or 0:g} s to {end}"
+
+
+@dataclass(frozen=True)
+class Catalog:
+    """The tables of a data set, and the bags of a folder if one was looked at.
+
+    Parameters
+    ----------
+    folder : Path
+        Where the tables are.
+    tables : Tables
+        Garments, holdings, recordings and backgrounds; and what is wrong with them, if loaded with ``strict=False``.
+    found : FolderScan, optional
+        What the folder of recordings holds.
+
+    Examples
+    --------
+    >>> catalog = Catalog.load()
+    >>> len(catalog.query("GreenTowel_*", axis="R"))
+    11
+    """
+
+    filter_keys: ClassVar[Mapping[str, Kind]] = ROW_KEYS
+
+    folder: Path
+    tables: Tables
+    found: FolderScan | None = None
+
+    @classmethod
+    def load(cls, folder: Path | None = None, *, strict: bool = True) -> Catalog:
+        """Read the tables.
+
+        Parameters
+        ----------
+        folder : Path, optional
+            Folder with garments.csv, holdings.csv, recordings.csv and perhaps backgrounds.csv. By default that of the
+            workspace at or above the current folder, else the thesis' own, which the package carries.
+        strict : bool
+            Whether a table that cannot be read or contradicts itself is an error; otherwise it is kept in
+            ``tables.problems``.
+
+        Raises
+        ------
+        CatalogError
+            With file, line, column, what was expected and what was found.
+        """
+        folder = nearest_catalog(Path.cwd()) if folder is None else folder
+        tables = read_tables(folder)
+        if strict:
+            tables.check()
+        return cls(folder, tables)
+
+    def with_folder(self, recordings_dir: Path) -> Catalog:
+        """Return this catalog with the state of every recording in a folder of bags."""
+        return dataclasses.replace(self, found=scan(recordings_dir))
+
+    @cached_property
+    def rows(self) -> tuple[CatalogRow, ...]:
+        """All recordings: the tables' in their order, then the unexpected ones by name."""
+        if self.found is None:
+            return join_rows(self.tables, None)
+        bags = {str(bag.name): bag.path for bag in self.found.bags if isinstance(bag.name, RecordingName)}
+        return join_rows(self.tables, bags)
+
+    @cached_property
+    def backgrounds(self) -> Mapping[int, BackgroundSource]:
+        """What shows the empty scene, by topics file: those of all recordings, of backgrounds.csv and of the folder."""
+        numbers = {row.topics_file for row in self.rows} | {row.topics_file for row in self.tables.backgrounds}
+        bags = () if self.found is None else self.found.bags
+        numbers |= {bag.name.topics_file for bag in bags if isinstance(bag.name, BackgroundName)}
+        return {number: self.background(number) for number in sorted(numbers)}
+
+    def background(self, topics_file: int) -> BackgroundSource:
+        """Return what shows the empty scene to the recordings of a topics file.
+
+        A row of backgrounds.csv says it; without one it is the bag ``camera_default_<topics_file - 1>``.
+        """
+        row = next((row for row in self.tables.backgrounds if row.topics_file == topics_file), None)
+        default = f"camera_default_{topics_file - 1}"
+        source = default if row is None else row.source
+        bag = f"{'recordings' if self.found is None else self.found.folder.name}/{source}.bag"
+        table = f"{self.folder.name}/backgrounds.csv"
+        missing = (
+            f"{bag}, or a row for topics file {topics_file} in {table}"
+            if source == default
+            else f"{bag}, which {table} names for topics file {topics_file}"
+        )
+        from_s, to_s = (None, None) if row is None else (row.from_s, row.to_s)
+        path, recording = self._paths.get(source), self._by_name.get(source)
+        return BackgroundSource(topics_file, source, from_s, to_s, path, missing, recording)
+
+    @cached_property
+    def _paths(self) -> Mapping[str, Path]:
+        return {} if self.found is None else {str(bag.name): bag.path for bag in self.found.bags}
+
+    @cached_property
+    def _by_name(self) -> Mapping[str, CatalogRow]:
+        return {row.recording: row for row in self.rows}
+
+    def row(self, recording: str) -> CatalogRow:
+        """Return one recording, by its name in any form that is read.
+
+        Raises
+        ------
+        RecordingNameError
+            If that is no name of a recording.
+        CatalogError
+            If it is, but neither tables nor folder have it; the hint gives the nearest that they have.
+        """
+        name = str(parse_bag_name(recording))
+        if (row := self._by_name.get(name)) is None:
+            nearest = difflib.get_close_matches(name, list(self._by_name), n=1, cutoff=0.8)
+            hint = f"Did you mean {nearest[0]}?" if nearest else "`garment list` shows what there is."
+            raise CatalogError("no such recording", expected="one in the tables or the folder", found=name, hint=hint)
+        return row
+
+    def select(self, terms: Iterable[str] = ()) -> tuple[CatalogRow, ...]:
+        """Return the rows that a filter wants (see :mod:`garment_dataset.catalog.filters`).
+
+        Raises
+        ------
+        FilterError
+            If a term cannot be understood.
+        """
+        wanted = compile_filter(terms, ROW_KEYS)
+        return tuple(row for row in self.rows if wanted(row))
+
+    def query(self, *terms: str, **filters: object) -> pd.DataFrame:
+        """Return the rows that a filter wants as a DataFrame with typed columns.
+
+        Parameters
+        ----------
+        *terms : str
+            As on the command line.
+        **filters : object
+            The same by keyword: a value, several in a list, or None for a missing one.
+
+        Returns
+        -------
+        pandas.DataFrame
+            One row per recording, one column per field of :class:`CatalogRow`. Text is ``string`` or categorical, whole
+            numbers are ``Int64``, flags ``boolean``, quantities ``float64`` with their units in ``attrs["units"]``;
+            what is not known is missing.
+
+        Raises
+        ------
+        FilterError
+            If a term cannot be understood.
+        """
+        return to_frame(self.select([*terms, *terms_of(filters)]), self.rows)
+
+    def topics(self, number: int) -> tuple[str, ...] | None:
+        """Return the topics of a topics file, in order; None when the catalog has no such file."""
+        path = self.folder / "topics" / f"{number}.txt"
+        return tuple(path.read_text("utf-8").split()) if path.is_file() else None

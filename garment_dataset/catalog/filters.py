@@ -1,0 +1,136 @@
+"""The filter language that every verb understands.
+
+A filter is a list of terms:
+
+- ``key=value[,value]`` keeps what has one of the values, ``key!=value[,value]`` what has none of them;
+- anything else is a glob on the recording's name: ``'GreenTowel_Ruler_*'``.
+
+Terms of different keys must all hold; of several terms on one key, or several globs, one suffices. A text value may be
+a glob (``garment=*Shirt``); numbers compare as numbers (``speed=0.5`` finds 0.50, and ``pi16`` or ``pi/16`` is one);
+``yes``, ``no``, ``true`` and ``false`` are the flags; an empty value stands for a missing one (``repeat=``).
+"""
+
+from __future__ import annotations
+
+import difflib
+import math
+import re
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from fnmatch import translate
+
+from garment_dataset.catalog.names import parse_bag_name
+from garment_dataset.errors import FilterError, RecordingNameError
+
+Kind = type[str | float | bool]
+Keys = Mapping[str, Kind]
+"""What may be asked for: the name of each value, and whether it is text, a number or a flag."""
+
+Predicate = Callable[[object], bool]
+"""Whether a record (a mapping, or an object with attributes) is wanted."""
+
+NAME_KEY = "recording"
+"""What a bare glob is matched with."""
+
+_TERM = re.compile(r"(?P<key>[^=!]*)(?P<operator>!?=)(?P<values>.*)", re.DOTALL)
+_NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
+_PI = re.compile(r"pi/?(?P<divisor>[1-9][0-9]{0,2})")
+_FLAGS = {"yes": True, "true": True, "no": False, "false": False}
+
+
+def compile_filter(terms: Iterable[str], keys: Keys) -> Predicate:
+    """Make one predicate of all terms; no term at all wants everything.
+
+    Parameters
+    ----------
+    terms : iterable of str
+        As typed after a verb.
+    keys : mapping of str to {str, float, bool}
+        The values that a record has, and of which type.
+
+    Raises
+    ------
+    FilterError
+        If a term names no key, or its value is no number or flag where one is needed.
+    """
+    wanted: dict[str, list[Predicate]] = {}
+    refused: list[tuple[str, Predicate]] = []
+    for term in terms:
+        key, positive, values = _split(term, keys)
+        tests = [_test(key, value, keys[key]) for value in values]
+        if positive:
+            wanted.setdefault(key, []).extend(tests)
+        else:
+            refused.extend((key, test) for test in tests)
+
+    def predicate(record: object) -> bool:
+        return all(any(test(_value(record, key)) for test in tests) for key, tests in wanted.items()) and not any(
+            test(_value(record, key)) for key, test in refused
+        )
+
+    return predicate
+
+
+def terms_of(filters: Mapping[str, object]) -> tuple[str, ...]:
+    """Write keyword filters as terms: ``garment="GreenTowel", repeat=[1, 2]`` is ``garment=GreenTowel repeat=1,2``.
+
+    None asks for a missing value.
+    """
+    return tuple(f"{key}={_written(value)}" for key, value in filters.items())
+
+
+def _written(value: object) -> str:
+    if isinstance(value, Sequence | set | frozenset) and not isinstance(value, str | bytes):
+        return ",".join(sorted(map(_written, value)))
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    return "" if value is None else str(value)
+
+
+def _split(term: str, keys: Keys) -> tuple[str, bool, list[str]]:
+    if (found := _TERM.fullmatch(term)) is None:
+        return NAME_KEY, True, [_name_pattern(term)]
+    key, values = found["key"].strip(), [value.strip() for value in found["values"].split(",")]
+    if key not in keys:
+        nearest = difflib.get_close_matches(key, list(keys), n=1)
+        hint = f"Did you mean {nearest[0]}{found['operator']}{found['values']}?" if nearest else None
+        raise FilterError("no such key", where=term, expected=", ".join(keys), found=repr(key), hint=hint)
+    if key == NAME_KEY:
+        values = [_name_pattern(value) for value in values]
+    return key, found["operator"] == "=", values
+
+
+def _name_pattern(text: str) -> str:
+    """Let a file name as the shell completes it, or as table B.3 prints it, name its recording."""
+    if not text:
+        raise FilterError("empty filter", expected="key=value[,value] or a glob on the recording's name")
+    try:
+        return str(parse_bag_name(text))
+    except RecordingNameError:
+        return text.removesuffix(".bag")
+
+
+def _test(key: str, value: str, kind: type[str | float | bool]) -> Predicate:
+    if value == "":
+        return lambda found: found is None
+    if kind is float:
+        number = _number(key, value)
+        return lambda found: isinstance(found, int | float) and math.isclose(found, number, rel_tol=1e-9)
+    if kind is bool:
+        if value.lower() not in _FLAGS:
+            raise FilterError("not a flag", where=f"{key}={value}", expected="yes or no", found=repr(value))
+        flag = _FLAGS[value.lower()]
+        return lambda found: found is flag
+    pattern = re.compile(translate(value))
+    return lambda found: isinstance(found, str) and pattern.match(found) is not None
+
+
+def _number(key: str, text: str) -> float:
+    if (found := _PI.fullmatch(text)) is not None:
+        return math.pi / int(found["divisor"])
+    if _NUMBER.fullmatch(text) is None:
+        raise FilterError("not a number", where=f"{key}={text}", expected="a number", found=repr(text))
+    return float(text)
+
+
+def _value(record: object, key: str) -> object:
+    return record[key] if isinstance(record, Mapping) else getattr(record, key)

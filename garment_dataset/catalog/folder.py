@@ -1,0 +1,145 @@
+"""Which bags lie in a folder, at any depth; links are followed, nothing is opened."""
+
+from __future__ import annotations
+
+import os
+import warnings
+from dataclasses import dataclass
+from pathlib import Path
+
+from garment_dataset.catalog.names import BackgroundName, RecordingName, parse_bag_name
+from garment_dataset.errors import CatalogError, DataWarning, RecordingNameError
+
+
+@dataclass(frozen=True, slots=True)
+class FoundBag:
+    """A finished bag with a readable name: a ROS 1 ``.bag`` file or a rosbag2 folder."""
+
+    path: Path
+    name: RecordingName | BackgroundName
+
+    @property
+    def is_canonical(self) -> bool:
+        """Whether the file is called as the name is written."""
+        return self.path.name in (str(self.name), f"{self.name}.bag")
+
+
+@dataclass(frozen=True, slots=True)
+class Duplicate:
+    """Another bag with the name of one that is used."""
+
+    bag: FoundBag
+    used: FoundBag
+
+
+@dataclass(frozen=True)
+class FolderScan:
+    """What a folder holds, in the order of names.
+
+    Parameters
+    ----------
+    folder : Path
+        The folder, as given.
+    bags : tuple of FoundBag
+        One for each name: the canonically named one if there are several, else the first path.
+    duplicates : tuple of Duplicate
+        The others, unless they are the same file.
+    refused : tuple of (Path, RecordingNameError)
+        Bags whose names the grammar does not admit.
+    unfinished : tuple of Path
+        ``.bag.active`` files, and rosbag2 storage without its ``metadata.yaml``.
+    """
+
+    folder: Path
+    bags: tuple[FoundBag, ...]
+    duplicates: tuple[Duplicate, ...]
+    refused: tuple[tuple[Path, RecordingNameError], ...]
+    unfinished: tuple[Path, ...]
+
+    @property
+    def is_empty(self) -> bool:
+        """Whether there is no bag at all, of whatever kind or name."""
+        return not (self.bags or self.refused or self.unfinished)
+
+
+def scan(folder: Path) -> FolderScan:
+    """Look for bags in ``folder``; a folder that does not exist holds none.
+
+    A bag is a ``.bag`` file or a folder with a ``metadata.yaml`` (rosbag2). Hidden entries are not looked at. A folder
+    reached in two ways is looked at once, so links that form a loop do no harm. What cannot be looked at is left out
+    with a :class:`~garment_dataset.errors.DataWarning`.
+
+    Raises
+    ------
+    CatalogError
+        If ``folder`` is not a folder.
+    """
+    if folder.exists() and not folder.is_dir():
+        raise CatalogError("not a folder", where=folder, expected="a folder of bags", found="a file")
+    finished, unfinished = _walk(folder) if folder.exists() else ([], [])
+    named: dict[str, list[FoundBag]] = {}
+    refused: list[tuple[Path, RecordingNameError]] = []
+    for path in map(Path, sorted(finished)):
+        try:
+            bag = FoundBag(path, parse_bag_name(path.name))
+        except RecordingNameError as error:
+            refused.append((path, error))
+        else:
+            named.setdefault(str(bag.name), []).append(bag)
+    bags: list[FoundBag] = []
+    duplicates: list[Duplicate] = []
+    for _, found in sorted(named.items()):
+        used, *others = sorted(found, key=lambda bag: not bag.is_canonical) if len(found) > 1 else found
+        bags.append(used)
+        duplicates += [Duplicate(bag, used) for bag in others if not bag.path.samefile(used.path)]
+    return FolderScan(folder, tuple(bags), tuple(duplicates), tuple(refused), tuple(map(Path, sorted(unfinished))))
+
+
+def _walk(root: Path) -> tuple[list[str], list[str]]:
+    """Return the paths of what is finished and of what is not, by name alone."""
+    finished: list[str] = []
+    unfinished: list[str] = []
+    seen: set[tuple[int, int]] = set()
+    # Linked folders wait until the end, so that a folder is called by its own path if it has one here.
+    pending, linked = [str(root)], list[str]()
+    while pending or linked:
+        here = pending.pop() if pending else linked.pop()
+        entries = _entries(here, seen)
+        names = {entry.name for entry in entries}
+        if "metadata.yaml" in names and here != str(root):
+            finished.append(here)
+            continue
+        for entry in entries:
+            lower = entry.name.lower()
+            if entry.name.startswith("."):
+                continue
+            if _is_folder(entry):
+                (linked if entry.is_symlink() else pending).append(entry.path)
+            elif lower.endswith((".bag.active", ".db3", ".mcap")):
+                unfinished.append(entry.path)
+            elif lower.endswith(".bag"):
+                if entry.is_symlink() and not Path(entry.path).exists():
+                    warnings.warn(f"{entry.path}: a link to nothing, left out", DataWarning, stacklevel=4)
+                else:
+                    finished.append(entry.path)
+    return finished, unfinished
+
+
+def _entries(here: str, seen: set[tuple[int, int]]) -> list[os.DirEntry[str]]:
+    try:
+        status = os.stat(here)  # noqa: PTH116 - a Path per folder would cost more than the folder
+        if (status.st_dev, status.st_ino) in seen:
+            return []
+        seen.add((status.st_dev, status.st_ino))
+        with os.scandir(here) as entries:
+            return sorted(entries, key=lambda entry: entry.name)
+    except OSError as error:
+        warnings.warn(f"{here}: cannot be looked at and is left out ({error.strerror})", DataWarning, stacklevel=5)
+        return []
+
+
+def _is_folder(entry: os.DirEntry[str]) -> bool:
+    try:
+        return entry.is_dir()
+    except OSError:  # a link to itself
+        return False

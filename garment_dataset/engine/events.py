@@ -1,0 +1,43 @@
+"""What becomes of the nodes of a run, as it happens and in sum."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from enum import StrEnum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from garment_dataset.engine.graph import NodeId
+
+
+class Ending(StrEnum):
+    """What became of a node in a build."""
+
+    FRESH = "fresh"
+    BUILT = "built"
+    LINKED = "linked"
+    FAILED = "failed"
+    BLOCKED = "blocked"
+
+
+@dataclass(frozen=True, slots=True)
+class Event:
+    """One node's ending, as it happens; ``is_repeated``: a failure that was not tried again."""
+
+    node: NodeId
+    ending: Ending
+    seconds: float = 0.0
+    message: str = ""
+    notes: tuple[str, ...] = ()
+    is_repeated: bool = False
+
+
+@dataclass
+class Report:
+    """All endings of a run, in the order they happened."""
+
+    events: dict[NodeId, Event] = field(default_factory=dict)
+
+    def of(self, ending: Ending) -> list[Event]:
+        """Return the events with this ending."""
+        return [event for event in self.events.values() if event.ending is ending]

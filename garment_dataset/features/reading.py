@@ -1,0 +1,140 @@
+"""Reading results back: a DataFrame with units, or an Arrow dataset."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+from garment_dataset.errors import FilterError, StoreError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+    import pandas as pd
+    import pyarrow as pa
+    import pyarrow.dataset as ds
+
+PARTITIONS = ("garment", "holding")
+
+
+def open_features(table: str, *, folder: Path | None = None) -> ds.Dataset:
+    """Return all files of a table as one Arrow dataset, the partition keys, if it has any, as text columns.
+
+    Parameters
+    ----------
+    table : str
+        Name of the table, such as ``points``.
+    folder : Path, optional
+        The features folder; by default that of the workspace at or above the current folder.
+
+    Raises
+    ------
+    StoreError
+        If nothing was built for this table.
+    """
+    import pyarrow as pa
+    import pyarrow.dataset as ds
+
+    root = _features_folder(folder)
+    files = sorted(str(path) for path in (root / table).glob("**/*.parquet") if not path.name.startswith("."))
+    if not files:
+        built = sorted(path.name for path in root.glob("*") if path.is_dir())
+        raise StoreError(
+            f"no files of table {table!r}",
+            where=root,
+            expected=f"one of {built}" if built else "some results",
+            hint="`garment build` makes them.",
+        )
+    keys = [name for name in PARTITIONS if f"/{name}=" in files[0].removeprefix(str(root / table))]
+    schema = _full_schema(files[0], keys)
+    partitioning = ds.partitioning(pa.schema([(name, pa.string()) for name in keys]), flavor="hive")
+    return ds.dataset(files, schema=schema, partitioning=partitioning, partition_base_dir=str(root / table))
+
+
+def load_features(table: str, *, folder: Path | None = None, **filters: Any) -> pd.DataFrame:  # noqa: ANN401
+    """Return a table as a DataFrame; ``frame.attrs["units"]`` says the unit of every column.
+
+    Parameters
+    ----------
+    table : str
+        Name of the table, such as ``kinematics``.
+    folder : Path, optional
+        The features folder; by default that of the workspace at or above the current folder.
+    **filters : value or sequence of values
+        Columns and what they must equal: ``garment="GreenTowel"``, ``recording=[...]``, ``point=[1, 2]``.
+
+    Raises
+    ------
+    StoreError
+        If nothing was built for this table.
+    FilterError
+        If a filter names no column.
+    """
+    import pyarrow.dataset as ds
+
+    dataset = open_features(table, folder=folder)
+    condition = None
+    for name, wanted in filters.items():
+        if name not in dataset.schema.names:
+            raise FilterError(f"{name!r} is no column", where=table, expected=f"one of {dataset.schema.names}")
+        values = wanted if isinstance(wanted, list | tuple | set | frozenset) else [wanted]
+        term = ds.field(name).isin(list(values))
+        condition = term if condition is None else condition & term
+    found = dataset.to_table(filter=condition)
+    frame = _to_frame(found)
+    frame.attrs["units"] = {field.name: unit for field in found.schema if (unit := _metadata(field, b"unit"))}
+    frame.attrs["descriptions"] = {
+        field.name: text for field in found.schema if (text := _metadata(field, b"description"))
+    }
+    return frame
+
+
+def result_params(table: str, recording: str, *, folder: Path | None = None) -> dict[str, Any]:
+    """Return the parameters that a recording's result was made with, defaults filled in.
+
+    Raises
+    ------
+    StoreError
+        If there is no such result.
+    """
+    from garment_dataset.engine.artifacts import read_provenance
+
+    root = _features_folder(folder) / table
+    if (path := next(root.glob(f"**/{recording}.parquet"), None)) is None:
+        raise StoreError(f"no {table!r} of {recording}", where=root, hint="`garment build` makes it.")
+    params: dict[str, Any] = read_provenance(path)["facts"]["params"]
+    return params
+
+
+def _to_frame(table: pa.Table) -> pd.DataFrame:
+    """Convert to pandas; whole numbers that may be missing stay whole: a float holds no stamp in ns."""
+    import pandas as pd
+    import pyarrow as pa
+
+    frame = table.to_pandas()
+    integers: dict[pa.DataType, Any] = {pa.int32(): pd.Int32Dtype(), pa.int64(): pd.Int64Dtype()}
+    for field in table.schema:
+        if field.nullable and field.type in integers:
+            frame[field.name] = table[field.name].to_pandas(types_mapper=integers.get).array
+    return frame
+
+
+def _features_folder(folder: Path | None) -> Path:
+    if folder is not None:
+        return folder
+    from garment_dataset.layout import Layout
+
+    return Layout.find().features_dir
+
+
+def _full_schema(file: str, partitions: Sequence[str]) -> pa.Schema:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    own = pq.read_schema(file)
+    keys = [pa.field(name, pa.string(), metadata={"description": f"{name}, from the path"}) for name in partitions]
+    return pa.schema([*own, *(key for key in keys if key.name not in own.names)])
+
+
+def _metadata(field: pa.Field[Any], key: bytes) -> str:
+    return (field.metadata or {}).get(key, b"").decode()

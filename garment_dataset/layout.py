@@ -1,0 +1,219 @@
+"""Where things are: a workspace is a folder with ``catalog/`` and ``pipelines/``, or with a garment.toml.
+
+The rule by which one is found stands here, once. Nothing is global: commands look upward from the current folder, or
+are told where.
+"""
+
+from __future__ import annotations
+
+import shutil
+import tomllib
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from garment_dataset.errors import WorkspaceError
+
+if TYPE_CHECKING:
+    from typing import Self
+
+SETTINGS = "garment.toml"
+
+
+class _Paths(BaseModel):
+    """The table ``[paths]`` of garment.toml, relative to the workspace."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    catalog: Path = Path("catalog")
+    pipelines: Path = Path("pipelines")
+    recordings: Path = Path("recordings")
+    features: Path = Path("features")
+    stages: Path = Path("stages")
+    private: Path = Path(".garment")
+
+
+class _Stages(BaseModel):
+    """The table ``[stages]`` of garment.toml."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    modules: tuple[str, ...] = ()
+
+
+class _Settings(BaseModel):
+    """All of garment.toml."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    paths: _Paths = _Paths()
+    stages: _Stages = _Stages()
+
+
+@dataclass(frozen=True)
+class Layout:
+    """The folders of one data set.
+
+    Parameters
+    ----------
+    root : Path
+        The folder that holds the others unless garment.toml moves them.
+    catalog_dir, pipelines_dir : Path
+        The tables and the pipeline files: what a person edits.
+    recordings_dir : Path
+        The bags; never written to by a build.
+    features_dir : Path
+        The Parquet results.
+    stages_dir : Path
+        Stages of the data set's own, if it has any.
+    private_dir : Path
+        Store, index and scratch space; safe to delete, at the cost of building again.
+    stage_modules : tuple of str
+        Which modules of ``stages_dir`` hold a stage.
+    """
+
+    root: Path
+    catalog_dir: Path
+    pipelines_dir: Path
+    recordings_dir: Path
+    features_dir: Path
+    stages_dir: Path
+    private_dir: Path
+    stage_modules: tuple[str, ...] = ()
+
+    @classmethod
+    def find(cls, path: Path | None = None) -> Self:
+        """Return the workspace at ``path``, or the nearest one at or above the current folder.
+
+        Raises
+        ------
+        WorkspaceError
+            If there is none, or its garment.toml cannot be read.
+        """
+        if path is not None:
+            if not is_workspace(path):
+                raise WorkspaceError(
+                    "not a workspace",
+                    where=path,
+                    expected=f"catalog/ and pipelines/, or {SETTINGS}",
+                    hint=f"Make one with `garment init {path}`.",
+                )
+            return cls.at(path.resolve())
+        if (root := workspace_above(Path.cwd())) is None:
+            raise WorkspaceError(
+                "no workspace at or above this folder",
+                where=Path.cwd(),
+                hint="Make one with `garment init DIR`, or name one with --workspace.",
+            )
+        return cls.at(root)
+
+    @classmethod
+    def at(cls, root: Path) -> Self:
+        """Return the workspace whose root is known, wherever its garment.toml puts the folders.
+
+        Raises
+        ------
+        WorkspaceError
+            If its garment.toml cannot be read.
+        """
+        settings = _read_settings(root / SETTINGS)
+        paths = settings.paths
+        return cls(
+            root=root,
+            catalog_dir=root / paths.catalog,
+            pipelines_dir=root / paths.pipelines,
+            recordings_dir=root / paths.recordings,
+            features_dir=root / paths.features,
+            stages_dir=root / paths.stages,
+            private_dir=root / paths.private,
+            stage_modules=settings.stages.modules,
+        )
+
+    @classmethod
+    def create(cls, root: Path) -> Self:
+        """Write a new workspace with the thesis' catalog and pipelines.
+
+        Raises
+        ------
+        WorkspaceError
+            If ``root`` already is one: nothing is ever overwritten.
+        """
+        if is_workspace(root):
+            raise WorkspaceError("already a workspace", where=root, hint="Nothing was written.")
+        source = packaged_workspace()
+        for name in ("catalog", "pipelines"):
+            if (root / name).exists():
+                raise WorkspaceError(
+                    "in the way of a new workspace", where=root / name, hint="Move it, or choose another folder."
+                )
+        root.mkdir(parents=True, exist_ok=True)
+        for name in ("catalog", "pipelines"):
+            shutil.copytree(source / name, root / name)
+        (root / "recordings").mkdir(exist_ok=True)
+        return cls.find(root)
+
+
+def is_workspace(folder: Path) -> bool:
+    """Say whether a folder is the root of a workspace."""
+    both = (folder / "catalog").is_dir() and (folder / "pipelines").is_dir()
+    return both or (folder / SETTINGS).is_file()
+
+
+def workspace_above(start: Path) -> Path | None:
+    """Return the root of the nearest workspace at or above ``start``, or None where there is none."""
+    return next((folder for folder in (start, *start.parents) if is_workspace(folder)), None)
+
+
+def packaged_workspace() -> Path:
+    """Return the folder that holds the packaged ``catalog/`` and ``pipelines/``.
+
+    A wheel carries them inside the package; in a checkout they are the repository's own.
+    """
+    package = Path(__file__).resolve().parent
+    installed = package / "_workspace"
+    return installed if installed.is_dir() else package.parent
+
+
+def nearest_catalog(start: Path) -> Path:
+    """Return the catalog of the workspace at or above ``start``, or the packaged one where there is none.
+
+    Raises
+    ------
+    WorkspaceError
+        If the garment.toml of that workspace cannot be read.
+    """
+    root = workspace_above(start)
+    return packaged_workspace() / "catalog" if root is None else Layout.at(root).catalog_dir
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file; editors on Windows put a byte order mark in front.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    ValueError
+        If it is no TOML, or not in UTF-8.
+    """
+    return tomllib.loads(path.read_text("utf-8-sig"))
+
+
+def _read_settings(path: Path) -> _Settings:
+    if not path.is_file():
+        return _Settings()
+    try:
+        return _Settings.model_validate(read_toml(path))
+    except ValidationError as error:
+        first = error.errors()[0]
+        setting = ".".join(str(part) for part in first["loc"])
+        raise WorkspaceError(
+            f"setting {setting!r} is not understood",
+            where=path,
+            expected=f"[paths] with {', '.join(_Paths.model_fields)}; [stages] with {', '.join(_Stages.model_fields)}",
+            found=first["msg"],
+        ) from error
+    except (OSError, ValueError) as error:
+        raise WorkspaceError("not TOML", where=path, found=error) from error

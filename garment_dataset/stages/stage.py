@@ -1,0 +1,104 @@
+"""What a stage of this product is: the engine's, with what one run of it covers and whose rows its tables hold."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from garment_dataset.engine.stage import Stage as EngineStage
+from garment_dataset.engine.stage import StageParams
+from garment_dataset.engine.table import Column
+from garment_dataset.errors import StageError
+
+__all__ = ["GROUP_IDENTITY", "IDENTITY", "PARTITIONS", "REPEATS", "Group", "Per", "Stage", "StageParams"]
+
+PARTITIONS = ("garment", "holding")
+"""Keys in the paths of all results but those of a camera position."""
+
+_AXIS = Column("axis", "string", "", "R: the garment moves along the optical axis; B: across it", nullable=True)
+_SPEED = Column("speed", "float64", "1", "speed of the robot as typed into the file name", nullable=True)
+_SWING = Column(
+    "swing_rad", "float64", "rad", "swing of the gripper's axis; null when the name has none", nullable=True
+)
+
+IDENTITY = (
+    Column("recording", "string", "", "name of the recording, without .bag; of an empty-scene bag likewise"),
+    _AXIS,
+    _SPEED,
+    Column("repeat", "int32", "1", "number of the repeat; null when the name has none", nullable=True),
+    _SWING,
+)
+"""The columns that tables of a recording or a camera position begin with: whose rows these are."""
+
+GROUP_IDENTITY = (Column("group", "string", "", "the recordings that were taken together"), _AXIS, _SPEED, _SWING)
+"""The columns that tables of a group begin with; what its recordings do not share is null."""
+
+
+@dataclass(frozen=True, slots=True)
+class Group:
+    """Recordings that one run covers: those of a pipeline that agree in these columns of the catalog.
+
+    Parameters
+    ----------
+    by : tuple of str
+        Columns of the catalog, such as ``garment`` and ``axis``.
+    """
+
+    by: tuple[str, ...]
+
+
+Per = Literal["recording", "position"] | Group
+"""What one run of a stage covers."""
+
+REPEATS = Group(("garment", "holding", "swing_rad", "speed", "axis", "topics_file"))
+"""The repeats of one movement of one garment, held in one way, seen from one camera position."""
+
+
+@dataclass(frozen=True)
+class Stage(EngineStage):
+    """A pure function, with all that its result depends on besides its inputs.
+
+    Parameters
+    ----------
+    function, params, outputs, home
+        As for the engine's stage.
+    sources : frozenset of str
+        Which of the arguments are external: ``bag`` gives the path of the recording.
+    per : {"recording", "position"} or Group
+        What one run covers. ``position``: its bag and tables are those of the bag that shows the empty scene of a
+        camera position. A group: every table comes as a dict, by the recordings' names in alphabetical order.
+
+    Raises
+    ------
+    StageError
+        If an output has a column that stands in the path or is put in front of every table, or a stage of a group
+        takes a bag.
+    """
+
+    sources: frozenset[str] = frozenset({"bag"})
+    per: Per = "recording"
+
+    def __post_init__(self) -> None:
+        taken = {column.name for column in self.identity} | set(PARTITIONS)
+        for output in self.outputs:
+            if twice := sorted(taken & {column.name for column in output.columns}):
+                raise StageError(
+                    f"table {output.name!r} has columns that the product adds", where=self.name, found=", ".join(twice)
+                )
+        if isinstance(self.per, Group) and (bags := sorted(self.sources.intersection(self.arguments))):
+            raise StageError(
+                "a stage of a group reads tables",
+                where=self.name,
+                found=f"argument {bags[0]!r}",
+                hint="Read the bag in a stage of its own, per recording",
+            )
+
+    @property
+    def identity(self) -> tuple[Column, ...]:
+        """The columns that say whose rows its tables hold."""
+        return GROUP_IDENTITY if isinstance(self.per, Group) else IDENTITY
+
+    @property
+    def partitions(self) -> tuple[str, ...]:
+        """Keys in the paths of its results."""
+        return () if self.per == "position" else PARTITIONS

@@ -1,0 +1,1 @@
+"""Numerics of the depth images, on arrays."""

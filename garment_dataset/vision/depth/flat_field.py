@@ -1,0 +1,209 @@
+"""What an OpenNI depth sensor really measured, and what its columns always add to it.
+
+The sensor measures disparity in steps of an eighth of a pixel and hands out whole millimetres. Both are undone here:
+every millimetre that it can report belongs to one step, whose exact inverse depth is known, and the fixed error that
+whole columns share is seen on any plane behind the garment. All that follows is in inverse depth, 1/m, where the
+levels are equally far apart, planes are linear in the pixel, and the noise is the same at every distance.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from garment_dataset.vision.depth.cloud import COLUMN_BAND_LEVELS
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
+LEVEL_SPACING_PER_M = 0.1052 / 36
+"""Distance between neighbouring levels in inverse depth, from the driver's table: an eighth of a pixel of disparity."""
+
+BAND_WIDTH_PX = 56.0
+"""Width of the vertical bands that share an error (measured: 56 px on most cameras, 96 px on some)."""
+
+FINE_PATTERN_LEVELS = 0.25
+"""Standard deviation of the fixed error that differs from pixel to pixel, in level spacings.
+
+An assumption, the same as the simulated sensor's: real planes are rougher than noise in time explains, but how much
+of that is fixed was not measured apart.
+"""
+
+FINE_PATTERN_BLOB_PX = 113.0
+"""Pixels of a window that tell as much about that pattern as one independent pixel would.
+
+White noise smoothed by a Gaussian of 3 px, as simulated, has 4 pi 3^2 px to a blob.
+"""
+
+_LEVELS = 1053
+_MIN_ON_LADDER = 0.99
+_NEAREST_PLANE_PER_M = 2.0
+_PLANE_HALF_THICKNESS = 4 * LEVEL_SPACING_PER_M
+_MIN_COLUMNS = 150
+_MIN_ROWS = 20
+
+
+def ladder_per_m() -> FloatArray:
+    """Return the inverse depth of every millimetre value that an OpenNI driver can report, (65536,); 0 for others.
+
+    Notes
+    -----
+    ``mm = floor(10 (120 m / (7.5 - m) + 120))`` with ``m = 0.1052 ((i - 800) / 4 - 0.375)``, i = 0..1052: the table of
+    OpenNI's driver, which holds every value of real Xtion frames. What is returned is that depth before the ``floor``,
+    which is half a millimetre on average.
+    """
+    tangent = ((np.arange(_LEVELS) - 800) / 4 - 0.375) * 0.1052
+    exact_mm = 10 * (tangent * 120 / (7.5 - tangent) + 120)
+    table = np.zeros(1 << 16)
+    table[np.floor(exact_mm).astype(np.int64)] = 1000 / exact_mm
+    return table
+
+
+def plain_per_m() -> FloatArray:
+    """Return the inverse depth of every millimetre value taken as it is, (65536,); 0 for 0, which means no return."""
+    table = np.zeros(1 << 16)
+    table[1:] = 1000 / np.arange(1, 1 << 16)
+    return table
+
+
+def inverse_depth_table(frames: Sequence[NDArray[np.uint16]]) -> tuple[FloatArray, bool]:
+    """Return how millimetres are to be read, and whether they come from an OpenNI driver.
+
+    Parameters
+    ----------
+    frames : sequence of (H, W) uint16
+        Some images of the recording, in millimetres.
+
+    Returns
+    -------
+    table : (65536,) float64
+        Inverse depth in 1/m by millimetres; 0 where there is none.
+    on_ladder : bool
+        Whether 99 % of the values are ones that the driver can report. Of arbitrary millimetres near 1 m only a third
+        are.
+    """
+    ladder = ladder_per_m()
+    counts = np.zeros(1 << 16, np.int64)
+    for frame in frames:
+        counts += np.bincount(frame.ravel(), minlength=1 << 16)
+    counts[0] = 0
+    on_ladder = bool(counts.sum() > 0 and counts[ladder > 0].sum() >= _MIN_ON_LADDER * counts.sum())
+    return (ladder if on_ladder else plain_per_m()), on_ladder
+
+
+def column_offsets(frames: Sequence[NDArray[np.uint16]], table: FloatArray, *, beyond_m: float) -> FloatArray | None:
+    """Measure what columns add to inverse depth, on the largest plane that stands still behind the garment.
+
+    Parameters
+    ----------
+    frames : sequence of (H, W) uint16
+        Images spread over the recording, in millimetres.
+    table : (65536,) float64
+        From :func:`inverse_depth_table`.
+    beyond_m : float
+        Nothing nearer than this is looked at: garment and gripper.
+
+    Returns
+    -------
+    (W,) float64 or None
+        To be subtracted from measured inverse depths, in 1/m; 0 for columns that do not see the plane. None when
+        there is no plane that stands upright, still and large enough.
+
+    Notes
+    -----
+    The mean over the columns and a linear trend cannot be told from the plane's own place and lean and are left out:
+    an error common to all columns remains, as large as one band's over the square root of the number of bands.
+    """
+    inverse = _static(frames, table, beyond_m)
+    seen = np.isfinite(inverse)
+    if not seen.any():
+        return None
+    width = _PLANE_HALF_THICKNESS / 2
+    counts = np.bincount((inverse[seen] / width).astype(np.int64))
+    level = (counts[:-1] + counts[1:]).argmax() + 1 if counts.size > 1 else 1
+    plane = seen & (np.abs(np.where(seen, inverse, 0) - level * width) < _PLANE_HALF_THICKNESS)
+    used = plane.sum(axis=0) >= _MIN_ROWS
+    if used.sum() < _MIN_COLUMNS:
+        return None
+    return _offsets_from_plane(np.where(plane & used, inverse, np.nan), used)
+
+
+def _static(frames: Sequence[NDArray[np.uint16]], table: FloatArray, beyond_m: float) -> FloatArray:
+    """Return the mean inverse depth of the pixels that see something far in at least three quarters of the frames."""
+    total, count = np.zeros(frames[0].shape), np.zeros(frames[0].shape, np.int64)
+    far = min(max(int(1000 * beyond_m), 0), (1 << 16) - 1)
+    for frame in frames:
+        inverse = np.where(frame > far, table[frame], 0)
+        total += inverse
+        count += inverse > 0
+    often = count >= max(1.0, 0.75 * len(frames))
+    return np.where(often, total / np.maximum(count, 1), np.nan)
+
+
+def _offsets_from_plane(inverse: FloatArray, used: NDArray[np.bool_]) -> FloatArray | None:
+    """Return the column means about a plane; its slope down the rows is found within columns, robustly."""
+    rows = np.arange(inverse.shape[0], dtype=np.float64)[:, None]
+    inside = np.isfinite(inverse)
+    offset = np.zeros(inverse.shape[1])
+    slope = 0.0
+    for _ in range(6):
+        count = np.maximum(inside.sum(axis=0), 1)
+        values = np.where(inside, inverse, 0)
+        mean, mean_row = values.sum(axis=0) / count, (rows * inside).sum(axis=0) / count
+        away_row = np.where(inside, rows - mean_row, 0)
+        slope = float((away_row * values).sum() / max(float((away_row**2).sum()), 1e-12))
+        offset = mean - slope * mean_row
+        residual = np.where(np.isfinite(inverse), inverse, 0) - slope * rows - offset
+        spread = 1.4826 * float(np.median(np.abs(residual[inside])))
+        inside = np.isfinite(inverse) & (np.abs(residual) <= 3 * max(spread, 1e-6))
+    used = used & (inside.sum(axis=0) >= _MIN_ROWS)
+    if used.sum() < _MIN_COLUMNS or spread > LEVEL_SPACING_PER_M:
+        return None
+    column = np.flatnonzero(used).astype(np.float64)
+    trend = np.polynomial.Polynomial.fit(column, offset[used], 1)
+    result = np.zeros(offset.size)
+    result[used] = offset[used] - trend(column)
+    return result
+
+
+def fixed_error_levels(offset_per_m: FloatArray | None, window_px: float, image_width_px: int) -> FloatArray:
+    r"""Return the standard deviation of the depth error that whole columns share, in level spacings.
+
+    Parameters
+    ----------
+    offset_per_m : (W,) float64 or None
+        From :func:`column_offsets`.
+    window_px : float
+        Width over which depth is averaged, where the columns are not corrected.
+    image_width_px : int
+        W.
+
+    Returns
+    -------
+    (W,) float64
+        By column.
+
+    Notes
+    -----
+    Bands of :math:`\sigma` = 0.43 level spacings were measured about the mean over the image, so their mean over n of N
+    bands has the variance :math:`\sigma^2 (1/n - 1/N)`, none when all are seen. It is left in columns that were
+    corrected on n bands, and in those that were not, by the n bands in the window. The trend that was taken for the
+    plane's adds :math:`\sigma^2 (u - \bar u)^2 / (n \operatorname{var} u)`. An error that all columns of the image
+    share is part of the camera's calibration and not in here.
+    """
+
+    def of_mean(columns: float) -> float:
+        return max(BAND_WIDTH_PX / max(columns, BAND_WIDTH_PX) - BAND_WIDTH_PX / image_width_px, 0.0)
+
+    variance = np.full(image_width_px, of_mean(window_px))
+    if offset_per_m is not None:
+        seen = np.flatnonzero(offset_per_m)
+        of_trend = BAND_WIDTH_PX / seen.size * (seen - seen.mean()) ** 2 / seen.var()
+        variance[seen] = of_mean(seen.size) + of_trend
+    levels: FloatArray = COLUMN_BAND_LEVELS * np.sqrt(variance)
+    return levels

@@ -1,0 +1,269 @@
+r"""The garment's profile in the plane x = x_gripper, by fitting planes to the inverse depth around it.
+
+In a pinhole image a plane is linear in inverse depth: :math:`q = 1/z = a + b\,(u - u_0) + c\,(v - v_0)`. The profile is
+where that meets the plane through the gripper, :math:`u - c_x = f_x x_g q`. Around every image row planes are fitted to
+windows of several sizes, and the largest is used that agrees with the smaller ones. A window never reaches over an edge
+of the cloth or a fold: pixels count as far as they are connected.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import cv2
+import numpy as np
+
+from garment_dataset.vision.depth.cloud import band_limits_mm, possible_region
+from garment_dataset.vision.depth.planes import ProfileRows, fit_windows
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from garment_dataset.vision.depth.cloud import Intrinsics, Point
+
+    FloatArray = NDArray[np.float64]
+    IntArray = NDArray[np.int64]
+    BoolArray = NDArray[np.bool_]
+
+_MIN_ROW_PIXELS = 3
+_MIN_ROWS = 5
+_CENTRE_PX = 2
+_HEM_HALF_WIDTH_PX = 10
+_HEM_REACH_PX = 12
+_EARLY_PX, _LATE_PX = 0.75, 2.0
+"""How far before and behind the line of the hem a column may end: whole ones end half a row about it."""
+
+_MEDIAN_PX = 3
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Profile:
+    """What one image shows of the profile, from the gripper down: one node per row, pieces between jumps.
+
+    Parameters
+    ----------
+    y_m, z_m : (n,) float64
+        Nodes; y rises.
+    piece : (n,) int64
+        Number of the piece that a node belongs to, from 0; between pieces depth jumps.
+    pixels : (n,) int64
+        Number of pixels that the node's plane rests on.
+    z_spread_m : (n,) float64
+        Sample standard deviation of z in the row's pixels; NaN for fewer than two.
+    x_slope : (n,) float64
+        Lean of the sheet out of the plane: dz/dx.
+    end_y_m : float
+        Where the garment ends.
+    ends_at_gap : bool
+        Whether more follows after a gap too long to bridge.
+    """
+
+    y_m: FloatArray
+    z_m: FloatArray
+    piece: IntArray
+    pixels: IntArray
+    z_spread_m: FloatArray
+    x_slope: FloatArray
+    end_y_m: float
+    ends_at_gap: bool
+
+
+def trace_profile(
+    depth_mm: NDArray[np.uint16],
+    intrinsics: Intrinsics,
+    gripper_m: Point,
+    table_per_m: FloatArray,
+    offset_per_m: FloatArray | None,
+    *,
+    band_half_width_m: float,
+    clearance_m: float,
+    jump_m: float,
+    max_gap_m: float,
+    windows_px: Sequence[tuple[int, int]],
+) -> Profile | Literal["no_pixels", "few_pixels"]:
+    """Follow the profile through one image.
+
+    Parameters
+    ----------
+    depth_mm : (H, W) uint16
+        Distance along the optical axis in millimetres; 0 means no return.
+    intrinsics : Intrinsics
+        Of this image.
+    gripper_m : (x, y, z)
+        End point of the gripper.
+    table_per_m : (65536,) float64
+        Inverse depth by millimetres, from :func:`~garment_dataset.vision.depth.flat_field.inverse_depth_table`.
+    offset_per_m : (W,) float64 or None
+        What the columns add to it, from :func:`~garment_dataset.vision.depth.flat_field.column_offsets`.
+    band_half_width_m : float
+        Depth from the gripper's that is looked at, eq. (5.8).
+    clearance_m : float
+        So far below the end point the gripper's fingers can be in the way; nothing above that is used.
+    jump_m : float
+        Neighbouring depths that differ by more are not the same surface.
+    max_gap_m : float
+        The longest stretch without pixels that is bridged.
+    windows_px : sequence of (int, int)
+        Half widths and half heights of the windows, rising.
+
+    Returns
+    -------
+    Profile or str
+        ``no_pixels`` when the band is empty below the gripper, ``few_pixels`` when no five rows show cloth.
+    """
+    band_mm = band_limits_mm(gripper_m[2], band_half_width_m)
+    reach_m = (windows_px[-1][0] + _MEDIAN_PX) * (gripper_m[2] + band_half_width_m) / intrinsics.fx_px
+    top_m = (gripper_m[0], gripper_m[1] + clearance_m, gripper_m[2])
+    lines, columns = possible_region((depth_mm.shape[0], depth_mm.shape[1]), intrinsics, top_m, band_mm, reach_m)
+    block = depth_mm[lines, columns]
+    inside = (block >= band_mm[0]) & (block <= band_mm[1])
+    if not inside.any():
+        return "no_pixels"
+    masked = np.where(inside, block, np.uint16(0))
+    offset = np.zeros(block.shape[1]) if offset_per_m is None else offset_per_m[columns]
+    rows = _gather(
+        masked,
+        lines.start,
+        columns.start,
+        intrinsics,
+        gripper_m[0],
+        gripper_m[2],
+        table_per_m,
+        offset,
+        jump_m,
+        windows_px[-1][0],
+    )
+    below = (rows.v - intrinsics.cy_px) / intrinsics.fy_px * np.nan_to_num(rows.middle_m) >= top_m[1]
+    index, ends_at_gap = _linked(np.flatnonzero(rows.filled & below), rows, intrinsics, max_gap_m)
+    if index.size < _MIN_ROWS:
+        return "few_pixels"
+    piece = np.concatenate([[0], np.cumsum(np.abs(np.diff(rows.middle_m[index])) > jump_m)])
+    inverse, down, lean, pixels = fit_windows(rows, index, piece, intrinsics, gripper_m[0], windows_px)
+    end_v = _hem(masked, rows, index[-1], jump_m)
+    return _profile(rows, index, piece, inverse, down, lean, pixels, end_v, intrinsics, depth_mm.shape[0], ends_at_gap)
+
+
+def _gather(
+    masked_mm: NDArray[np.uint16],
+    first_row: int,
+    first_column: int,
+    intrinsics: Intrinsics,
+    gripper_x_m: float,
+    gripper_z_m: float,
+    table_per_m: FloatArray,
+    offset_per_m: FloatArray,
+    jump_m: float,
+    reach_px: int,
+) -> ProfileRows:
+    """Collect the pixels of every row that are connected to the profile's column."""
+    smooth_mm = cv2.medianBlur(np.ascontiguousarray(masked_mm), _MEDIAN_PX)
+    row = np.arange(masked_mm.shape[0])
+    half = reach_px
+    last_column = masked_mm.shape[1] - 1
+    centre_px = intrinsics.cx_px - first_column
+    reach_m = intrinsics.fx_px * gripper_x_m
+    middle_m = np.full(row.size, gripper_z_m)
+    for _ in range(2):
+        column = np.clip(np.rint(centre_px + reach_m / middle_m).astype(np.int64), 0, last_column)
+        found_mm = smooth_mm[row, column]
+        middle_m = np.where(found_mm > 0, found_mm / 1000, middle_m)
+    column_px = centre_px + reach_m / middle_m
+    columns = np.rint(column_px).astype(np.int32)[:, None] + np.arange(-half, half + 1, dtype=np.int32)
+    inside = (columns >= 0) & (columns <= last_column)
+    np.clip(columns, 0, last_column, out=columns)
+    pixel = columns + row.astype(np.int32)[:, None] * np.int32(last_column + 1)
+    around_mm = smooth_mm.ravel().take(pixel).astype(np.int32)
+    own_mm = masked_mm.ravel().take(pixel)
+    connected = inside & (around_mm > 0)
+    step = np.abs(around_mm[:, 1:] - around_mm[:, :-1]) <= 1000 * jump_m
+    connected[:, half + 1 :] &= np.logical_and.accumulate(step[:, half:], axis=1)
+    connected[:, :half] &= np.logical_and.accumulate(step[:, half - 1 :: -1], axis=1)[:, ::-1]
+    connected &= connected[:, half : half + 1]
+    connected &= np.abs(own_mm - around_mm) <= 2000 * jump_m
+    inverse = table_per_m[own_mm]
+    weight = (connected & (inverse > 0)).astype(np.float64)
+    near = weight[:, half - _CENTRE_PX : half + _CENTRE_PX + 1].any(axis=1)
+    return ProfileRows(
+        v=(row + first_row).astype(np.float64),
+        weight=weight,
+        inverse=weight * (inverse - offset_per_m[columns]),
+        shift_px=np.rint(column_px) - column_px,
+        column_px=column_px,
+        middle_m=np.where(around_mm[:, half] > 0, around_mm[:, half] / 1000, np.nan),
+        filled=near & (weight.sum(axis=1) >= _MIN_ROW_PIXELS),
+    )
+
+
+def _linked(index: IntArray, rows: ProfileRows, intrinsics: Intrinsics, max_gap_m: float) -> tuple[IntArray, bool]:
+    """Return the rows down to the first gap that is too long, and whether there is one."""
+    gap_m = (np.diff(index) - 1) * rows.middle_m[index[:-1]] / intrinsics.fy_px
+    too_long = np.flatnonzero(gap_m > max_gap_m)
+    return (index, False) if too_long.size == 0 else (index[: too_long[0] + 1], True)
+
+
+def _hem(masked_mm: NDArray[np.uint16], rows: ProfileRows, last: int, jump_m: float) -> float | None:
+    """Return the row, in pixels of the image, at which the garment ends on the profile; None at the image's edge.
+
+    The ends of the columns around it are put on a line, robustly: a missing pixel ends a column early. A column whose
+    last pixel is in row v ends anywhere between v and v + 1.
+    """
+    if last >= rows.v.size - 1:
+        return None
+    first_row, stop_row = max(last - _HEM_REACH_PX, 0), min(last + _HEM_REACH_PX, rows.v.size)
+    columns = np.rint(rows.column_px[last]).astype(np.int64) + np.arange(-_HEM_HALF_WIDTH_PX, _HEM_HALF_WIDTH_PX + 1)
+    columns = columns[(columns >= 0) & (columns < masked_mm.shape[1])]
+    around_mm = masked_mm[first_row:stop_row, columns].astype(np.float64)
+    cloth = np.abs(around_mm / 1000 - rows.middle_m[last]) <= jump_m
+    seen = cloth.any(axis=0)
+    ends = (stop_row - 1 - np.argmax(cloth[::-1], axis=0))[seen].astype(np.float64)
+    away = (columns - rows.column_px[last])[seen]
+    end = float(last)
+    if ends.size >= 5:
+        kept = np.ones(ends.size, dtype=np.bool_)
+        for _ in range(5):
+            centred = away[kept] - away[kept].mean()
+            slope = (centred * ends[kept]).sum() / max((centred**2).sum(), 1e-9)
+            level = ends[kept].mean() - slope * away[kept].mean()
+            beyond = ends - level - slope * away
+            kept = (beyond >= -_EARLY_PX) & (beyond <= _LATE_PX)
+            if kept.sum() < _MIN_ROW_PIXELS:
+                break
+        end = level if abs(level - last) <= _HEM_REACH_PX / 2 else end
+    return end + 0.5 + float(rows.v[0])
+
+
+def _profile(
+    rows: ProfileRows,
+    index: IntArray,
+    piece: IntArray,
+    inverse: FloatArray,
+    down: FloatArray,
+    lean: FloatArray,
+    pixels: IntArray,
+    end_v: float | None,
+    intrinsics: Intrinsics,
+    height_px: int,
+    ends_at_gap: bool,
+) -> Profile:
+    """Make nodes of the rows; pieces are drawn out to the middle of what is between them, and the last to the hem."""
+    v = rows.v[index]
+    last_v = (height_px - 0.5) if end_v is None else end_v
+    kept = v < last_v - 0.01
+    kept[0] = True
+    breaks = np.flatnonzero(np.diff(piece) > 0)
+    middle = (v[breaks] + v[breaks + 1]) / 2
+    source = np.concatenate([np.flatnonzero(kept), breaks, breaks + 1, [np.flatnonzero(kept)[-1]]])
+    at_v = np.concatenate([v[kept], middle, middle, [max(last_v, v[kept][-1])]])
+    order = np.lexsort((at_v, piece[source]))
+    source, at_v = source[order], at_v[order]
+    z_m = 1 / (inverse[source] + down[source] * (at_v - v[source]))
+    y_m = (at_v - intrinsics.cy_px) / intrinsics.fy_px * z_m
+    weight, values = rows.weight[index], rows.inverse[index]
+    number = weight.sum(axis=1)
+    mean = values.sum(axis=1) / number
+    variance = (weight * (values - mean[:, None]) ** 2).sum(axis=1) / np.where(number > 1, number - 1, np.nan)
+    spread_m = np.sqrt(variance) / inverse**2
+    return Profile(y_m, z_m, piece[source], pixels[source], spread_m[source], lean[source], float(y_m[-1]), ends_at_gap)

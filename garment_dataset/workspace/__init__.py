@@ -1,0 +1,40 @@
+"""A workspace: its folders, its catalog, and builds of it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from garment_dataset.layout import Layout
+
+if TYPE_CHECKING:
+    from garment_dataset.catalog import Catalog
+    from garment_dataset.engine.events import Report
+
+__all__ = ["Workspace"]
+
+
+@dataclass(frozen=True)
+class Workspace(Layout):
+    """The folders of one data set, and what is done with them; see :class:`~garment_dataset.layout.Layout`."""
+
+    def catalog(self) -> Catalog:
+        """Load the catalog, with the state of every recording in the recordings folder."""
+        from garment_dataset.catalog import Catalog
+
+        return Catalog.load(self.catalog_dir).with_folder(self.recordings_dir)
+
+    def build(self, *filters: str, jobs: int | None = None, retry_failed: bool = False, forced: bool = False) -> Report:
+        """Build what is missing or stale, and return what became of every node.
+
+        Parameters
+        ----------
+        *filters : str
+            Which recordings, as on the command line; none for all.
+        jobs, retry_failed, forced
+            See :meth:`garment_dataset.workspace.session.Session.run`.
+        """
+        from garment_dataset.workspace.session import Session
+
+        with Session(self, filters) as session:
+            return session.run(session.plan(), jobs=jobs, retry_failed=retry_failed, forced=forced)
