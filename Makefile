@@ -38,7 +38,7 @@ format: $(STAMP) ## Format the code
 
 accuracy: $(STAMP) ## Simulate, build and score; rewrites the pages of accuracy in docs/ (some 15 minutes)
 	$(BIN)/python benchmarks/accuracy.py
-	$(BIN)/python benchmarks/accuracy_colour.py
+	$(BIN)/python benchmarks/accuracy_color.py
 
 bench: $(STAMP) ## Run the side-by-side measurements
 	@for script in $(filter-out benchmarks/accuracy%,$(wildcard benchmarks/*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done

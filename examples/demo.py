@@ -11,7 +11,7 @@ import sys
 from pathlib import Path
 
 DEMO = Path("demo")
-DEPTH, COLOUR = "GreenTowel_Ruler_01_pi16_0.5_R1", "GreenTowel_Corner_01_pi16_0.5_B1"
+DEPTH, COLOR = "GreenTowel_Ruler_01_pi16_0.5_R1", "GreenTowel_Corner_01_pi16_0.5_B1"
 GARMENT = str(Path(sys.executable).with_name("garment"))
 
 
@@ -27,12 +27,12 @@ def main() -> None:
     if not (DEMO / "catalog").is_dir():
         garment("init", DEMO)
     here = ("--workspace", DEMO)
-    if not (DEMO / "recordings" / f"{COLOUR}.bag").is_file():
+    if not (DEMO / "recordings" / f"{COLOR}.bag").is_file():
         garment("simulate", "--set", "demo", "--scale", "small", "--out", DEMO / "recordings")
     garment("list", "state=present", *here)
     garment("build", *here)
     garment("show", DEPTH, "--frame", 45, "--save", DEMO / "depth.png", *here)
-    garment("show", COLOUR, "--frame", 45, "--save", DEMO / "colour.png", *here)
+    garment("show", COLOR, "--frame", 45, "--save", DEMO / "colour.png", *here)
     plot = [sys.executable, "examples/plot_motion.py", str(DEMO / "features"), str(DEMO / "motion.png")]
     print(f"\n$ python {shlex.join(plot[1:])}", flush=True)
     subprocess.run(plot, check=True)

@@ -86,13 +86,18 @@ def status(
 
 
 def why(
-    recording: Annotated[str, typer.Argument(help="Name of a recording.")],
+    recording: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name of a recording, a group of them, or position_1 and the like.")
+    ],
     stage: Annotated[str | None, typer.Argument(help="Only this stage.")] = None,
     workspace: WorkspaceOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Say, for every stage of one recording, what would be done with it and every reason, old -> new."""
-    with _session(workspace, [recording], [stage] if stage else ()) as session:
+    from garment_dataset.layout import Layout
+    from garment_dataset.workspace.session import Session
+
+    with Session.about(Layout.find(workspace), recording, [stage] if stage else ()) as session:
         decisions = [decision for decision in session.plan() if stage in {None, decision.node.stage}]
         tracebacks = {key: failure.traceback for key, failure in session.store.index.failures().items()}
         absent = [row.recording for row in session.selection.absent]

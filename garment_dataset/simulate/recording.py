@@ -114,10 +114,10 @@ def simulate_recording(
         found = f"scale {scale}, noise {noise}"
         raise GarmentError("no such option", expected="scale small or full, noise none or xtion", found=found)
     folder.mkdir(parents=True, exist_ok=True)
-    shot = _Shot(str(parsed), folder, seed, noise, frames, compression)
+    making = _Making(str(parsed), folder, seed, noise, frames, compression)
     if isinstance(parsed, BackgroundName):
-        return shot.take_background()
-    return shot.take(parsed, SCALES[scale], Catalog.load() if catalog is None else catalog)
+        return making.write_background()
+    return making.write_garment(parsed, SCALES[scale], Catalog.load() if catalog is None else catalog)
 
 
 def random_streams(name: str, seed: int) -> dict[str, np.random.Generator]:
@@ -128,7 +128,7 @@ def random_streams(name: str, seed: int) -> dict[str, np.random.Generator]:
     return {part: np.random.default_rng(child) for part, child in zip(parts, children.spawn(len(parts)), strict=True)}
 
 
-class _Shot:
+class _Making:
     """One recording being made."""
 
     def __init__(
@@ -141,7 +141,7 @@ class _Shot:
         self._depth_sensor = DepthSensor(self._random["depth"]) if noise == "xtion" else None
         self._color_sensor = ColorSensor(self._random["color"]) if noise == "xtion" else None
 
-    def take_background(self) -> Path:
+    def write_background(self) -> Path:
         """Write a bag of the empty scene."""
         depth_times, color_times, duration_s = self._times(_BACKGROUND_S)
         stage = Stage()
@@ -153,7 +153,7 @@ class _Shot:
         )
         return self._write(streams, None, duration_s)
 
-    def take(self, name: RecordingName, scale: Scale, catalog: Catalog) -> Path:
+    def write_garment(self, name: RecordingName, scale: Scale, catalog: Catalog) -> Path:
         """Write a bag of a garment, and its truth."""
         import_mujoco()
         holding, swing = _holding(name), _swing(name, scale)

@@ -83,6 +83,29 @@ class Session:
         self._roots = known.roots()
         self.store = Store(layout.private_dir, layout.features_dir)
 
+    @classmethod
+    def about(cls, layout: Layout, name: str, stages: Sequence[str] = ()) -> Self:
+        """Open a workspace for one recording, or for another subject of a node: a group, or a camera position.
+
+        Raises
+        ------
+        FilterError
+            If there is nothing of that name; the hint gives the nearest.
+        """
+        try:
+            return cls(layout, [name], stages)
+        except FilterError as error:
+            session = cls(layout, (), stages)
+            wanted = [node.id for node in session.graph if node.subject == name]
+            if not wanted:
+                session.store.close()
+                names = [row.recording for row in session.catalog.rows] + [node.subject for node in session.graph]
+                if nearest := difflib.get_close_matches(name, names, n=1):
+                    raise FilterError(error.what, found=error.found, hint=f"Did you mean {nearest[0]}?") from error
+                raise
+            session.graph = session.graph.restricted_to(wanted)
+            return session
+
     def __enter__(self) -> Self:
         return self
 

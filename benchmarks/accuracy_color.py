@@ -45,7 +45,7 @@ VARIANTS = {
 }
 PAGE = """# Accuracy of silhouettes and central curves
 
-Made by `python benchmarks/accuracy_colour.py [--cache FOLDER]`: it simulates the B recordings (scale `small`, sensor
+Made by `python benchmarks/accuracy_color.py [--cache FOLDER]`: it simulates the B recordings (scale `small`, sensor
 noise on), builds the colour pipeline and scores it (`garment score` does so for any features and truth). *IoU*
 is with the true mask below the gripper's point, mean and worst frame; *axis* the mean error of the major axis' angle;
 *midline* the distance of the central curve from that of the true mask; *material line* its distance from the projected
