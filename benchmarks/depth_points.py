@@ -16,8 +16,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from garment_dataset.stages.depth_points import DepthPointsParams
-from garment_dataset.stages.depth_traces import trace_garment, trace_profiles
 from garment_dataset.vision.depth.cloud import Intrinsics
+from garment_dataset.vision.depth.trace import trace_profiles, trace_windows
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,6 +29,7 @@ CAMERA = Intrinsics(fx_px=570.3, fy_px=570.3, cx_px=319.5, cy_px=239.5)
 GRIPPER_M = (0.01, -0.25, 1.065)
 LENGTH_M = 0.64
 PARAMS = DepthPointsParams(method="thesis")
+TRACK = DepthPointsParams().track_settings()
 
 
 def swinging_cloth(frame: int, rng: np.random.Generator) -> NDArray[np.uint16]:
@@ -67,7 +68,7 @@ def plain_points_m(depth_mm: NDArray[np.uint16], gripper_m: Point) -> FloatArray
 
 def package_points_m(depth_mm: NDArray[np.uint16], gripper_m: Point) -> FloatArray:
     """Return the points of one frame, (3, r), with their uncertainties computed and dropped."""
-    points = trace_garment(depth_mm, CAMERA, gripper_m, PARAMS).points
+    points = trace_windows(depth_mm, CAMERA, gripper_m, PARAMS.window_settings()).points
     assert points is not None
     return points.position_m
 
@@ -75,7 +76,7 @@ def package_points_m(depth_mm: NDArray[np.uint16], gripper_m: Point) -> FloatArr
 def profile_points(images: list[NDArray[np.uint16]]) -> None:
     """Trace all frames by the default method, as one recording."""
     stamps_ns = {frame: 33_000_000 * frame for frame in range(len(images))}
-    trace_profiles(list(enumerate(images)), stamps_ns, CAMERA, dict.fromkeys(stamps_ns, GRIPPER_M), DepthPointsParams())
+    trace_profiles(list(enumerate(images)), stamps_ns, CAMERA, dict.fromkeys(stamps_ns, GRIPPER_M), TRACK)
 
 
 def main() -> None:

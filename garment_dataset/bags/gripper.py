@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from garment_dataset.bags import Bag, Message
+    from garment_dataset.bags.bag import Bag
+    from garment_dataset.bags.messages import Message
 
 Source = Literal["auto", "topic", "tf"]
 """Whom to ask; ``auto``: the topic, and the transforms for the frames where it has no answer."""

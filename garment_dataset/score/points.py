@@ -18,8 +18,8 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
-    BoolArray = NDArray[np.bool_]
+    from garment_dataset.arrays import BoolArray, FloatArray
+
 
 Line = Literal["surface", "material"]
 _KEYS = ["frame", "point"]

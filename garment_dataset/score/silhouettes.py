@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     import pandas as pd
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
+    from garment_dataset.arrays import FloatArray
 
 
 @dataclass(frozen=True, slots=True)

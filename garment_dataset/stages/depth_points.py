@@ -11,7 +11,6 @@ from pydantic import Field
 from garment_dataset.engine.table import Column, TableSpec
 from garment_dataset.errors import BagError, DataWarning
 from garment_dataset.stages.columns import FRAME, STAMP
-from garment_dataset.stages.depth_traces import Trace, trace_garment, trace_profiles
 from garment_dataset.stages.inputs import known_grippers_m, usable_images, usable_stamps_ns
 from garment_dataset.stages.stage import Stage, StageParams
 
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
 
     from garment_dataset.bags import Bag
     from garment_dataset.vision.depth.cloud import Intrinsics
+    from garment_dataset.vision.depth.trace import Trace, TrackSettings, WindowSettings
 
 
 CHAINS = TableSpec(
@@ -148,6 +148,43 @@ class DepthPointsParams(StageParams):
         default=0.0005, ge=0, description="profile: standard uncertainty of the end point's coordinates: interpolation"
     )
 
+    def window_settings(self) -> WindowSettings:
+        """Return the knobs of the thesis' method."""
+        from garment_dataset.vision.depth.trace import WindowSettings
+
+        return WindowSettings(
+            point_count=self.point_count,
+            band_half_width_m=self.band_half_width_m,
+            strip_half_width_m=self.strip_half_width_m,
+            sample_step_m=self.sample_step_m,
+            window_half_height_m=self.window_half_height_m,
+            max_gap_m=self.max_gap_m,
+            min_pixels=self.min_pixels,
+        )
+
+    def track_settings(self) -> TrackSettings:
+        """Return the knobs of the method ``profile``."""
+        from garment_dataset.vision.depth.profile import ProfileSettings
+        from garment_dataset.vision.depth.trace import TrackSettings
+
+        profile = ProfileSettings(
+            band_half_width_m=self.band_half_width_m,
+            clearance_m=self.clearance_m,
+            jump_m=self.jump_m,
+            max_gap_m=self.profile_max_gap_m,
+            windows_px=self.windows_px,
+        )
+        return TrackSettings(
+            point_count=self.point_count,
+            profile=profile,
+            sample_step_m=self.sample_step_m,
+            shortest_m=2 * self.point_count * self.window_half_height_m,
+            smoothing_frames=self.smoothing_frames,
+            flat_field_frames=self.flat_field_frames,
+            flat_field_beyond_m=self.flat_field_beyond_m,
+            gripper_std_m=self.gripper_std_m,
+        )
+
 
 def depth_points(
     bag: Path, frames: pa.Table, camera: pa.Table, gripper: pa.Table, params: DepthPointsParams
@@ -180,6 +217,7 @@ def depth_points(
         If chains end at a gap too long to bridge, with more of the garment or something else below it.
     """
     from garment_dataset.bags import open_bag
+    from garment_dataset.vision.depth.trace import Trace, trace_profiles, trace_windows
 
     stamps_ns = usable_stamps_ns(frames, "depth")
     traces: dict[int, Trace] = {}
@@ -189,14 +227,15 @@ def depth_points(
         with open_bag(bag) as opened:
             images = _Images(opened, frames, shape)
             if params.method == "thesis":
+                windows = params.window_settings()
                 for frame, depth_mm in images:
                     traces[frame] = (
                         Trace(reason="image_size")
                         if depth_mm is None
-                        else trace_garment(depth_mm, intrinsics, grippers_m.get(frame), params)
+                        else trace_windows(depth_mm, intrinsics, grippers_m.get(frame), windows)
                     )
             else:
-                traces = trace_profiles(images, stamps_ns, intrinsics, grippers_m, params)
+                traces = trace_profiles(images, stamps_ns, intrinsics, grippers_m, params.track_settings())
     _warn_of_gaps(bag.name, traces)
     return {"chains": _chains(stamps_ns, traces), "points": _points(stamps_ns, traces, params.point_count)}
 

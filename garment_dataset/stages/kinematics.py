@@ -12,12 +12,10 @@ from garment_dataset.stages.columns import FRAME, STAMP
 from garment_dataset.stages.stage import Stage, StageParams
 
 if TYPE_CHECKING:
-    import numpy as np
     import pyarrow as pa
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
+    from garment_dataset.arrays import FloatArray, IntArray
 
 
 KINEMATICS = TableSpec(

@@ -13,8 +13,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
+    from garment_dataset.arrays import FloatArray, IntArray
+
 
 MEDIAN_STD = 1.2533
 """Standard deviation of a median over that of a mean, of many normal values: sqrt(pi / 2)."""

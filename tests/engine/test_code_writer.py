@@ -13,9 +13,9 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 import garment_dataset
-from garment_dataset.engine.codebase.expressions import constant
 from garment_dataset.engine.codebase.fingerprint import fingerprint
 from garment_dataset.engine.codebase.scopes import Home, function_bindings
+from garment_dataset.engine.codebase.writer import constant
 
 if TYPE_CHECKING:
     from collections.abc import Iterator

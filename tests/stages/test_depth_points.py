@@ -12,9 +12,9 @@ from garment_dataset.engine.table import Label
 from garment_dataset.errors import BagError, DataWarning
 from garment_dataset.stages.decode import CAMERA, FRAMES, GRIPPER
 from garment_dataset.stages.depth_points import CHAINS, POINTS, DepthPointsParams, depth_points
-from garment_dataset.stages.depth_traces import trace_garment
 from garment_dataset.stages.stage import IDENTITY
 from garment_dataset.vision.depth.cloud import Intrinsics
+from garment_dataset.vision.depth.trace import trace_windows
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -193,7 +193,9 @@ def test_the_number_of_points_is_a_parameter(write_bag: WriteBag) -> None:
 def test_few_pixels() -> None:
     depth_mm = vertical((0, 0.64))
     depth_mm[:, ::4] = 0
-    trace = trace_garment(depth_mm, Intrinsics(**K), GRIPPER_M, DepthPointsParams(method="thesis", min_pixels=1000))
+    trace = trace_windows(
+        depth_mm, Intrinsics(**K), GRIPPER_M, DepthPointsParams(method="thesis", min_pixels=1000).window_settings()
+    )
     assert (trace.chain, trace.points, trace.reason) == (None, None, "few_pixels")
 
 

@@ -10,6 +10,7 @@ from garment_dataset.engine.codebase.references import CALLED, CHANGED, GIVEN, H
 from garment_dataset.engine.codebase.rules import MODULE_FUNCTIONS, REFUSED_ATTRIBUTES, module_as_value
 from garment_dataset.engine.codebase.statements import CHANGING_METHODS
 from garment_dataset.engine.codebase.values import last_name
+from garment_dataset.engine.codebase.writer import constant
 from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
@@ -17,21 +18,6 @@ if TYPE_CHECKING:
 
     from garment_dataset.engine.codebase.modules import Target
     from garment_dataset.engine.codebase.writer import Writer
-
-
-def constant(value: object) -> str:
-    """Return a constant in ASCII: equal texts mean equal type and value, on every Python."""
-    match value:
-        case float():
-            return f"f{value.hex()}"
-        case complex():
-            return f"j{value.real.hex()},{value.imag.hex()}"
-        case bool():
-            return str(value)
-        case int():
-            return hex(value)  # str() refuses long ones
-        case _:
-            return ascii(value)
 
 
 def _constant(writer: Writer, node: ast.Constant, _role: int) -> None:

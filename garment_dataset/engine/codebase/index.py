@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from garment_dataset.engine.codebase.facts import facts_of
 from garment_dataset.engine.codebase.modules import ModuleRef, Symbol
 from garment_dataset.engine.codebase.values import Values
-from garment_dataset.engine.codebase.writer import facts_of
 from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:

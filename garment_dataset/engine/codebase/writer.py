@@ -9,12 +9,10 @@ Fields that are empty are left out, since later Pythons add such.
 from __future__ import annotations
 
 import ast
-import hashlib
+from collections.abc import Callable, Mapping
 from contextlib import contextmanager
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from garment_dataset.engine.codebase.definitions import DEFINITIONS
-from garment_dataset.engine.codebase.expressions import EXPRESSIONS, constant
 from garment_dataset.engine.codebase.references import GIVEN, HELD, READ, References
 from garment_dataset.engine.codebase.scopes import Bindings, Scope
 from garment_dataset.engine.errors import UntraceableCodeError
@@ -23,40 +21,14 @@ if TYPE_CHECKING:
     from collections.abc import Iterator
 
     from garment_dataset.engine.codebase.modules import Module, Modules, Target
-    from garment_dataset.engine.codebase.references import Facts
-    from garment_dataset.engine.codebase.statements import Statement
 
 _NOT_CODE = frozenset({"ctx", "type_comment", "kind", "type_params"})
 _LOOKING = frozenset({ast.Compare, ast.BinOp, ast.UnaryOp, ast.Slice})
 _HANDING_ON = frozenset({ast.Assign, ast.Return, ast.Yield, ast.YieldFrom, ast.NamedExpr})
 _TRANSPARENT = frozenset({ast.BoolOp, ast.IfExp, ast.Starred, ast.Await, ast.keyword})
-_HANDLERS = {**DEFINITIONS, **EXPRESSIONS}
 
-
-def facts_of(modules: Modules, module: Module, statement: Statement, fieldless: frozenset[str]) -> Facts:
-    """Return what one statement of a module says.
-
-    Parameters
-    ----------
-    modules : Modules
-        All first-party code.
-    module : Module
-        The one it stands in.
-    statement : Statement
-        The statement.
-    fieldless : frozenset of str
-        Classes that it defines whose fields are left out: only their annotations are followed.
-    """
-    writer = Writer(modules, module, fieldless)
-    try:
-        writer.write(statement.node)
-    except RecursionError:
-        writer.refuse(UntraceableCodeError("nested too deeply to be followed"), statement.node)
-    except UntraceableCodeError as error:
-        writer.refuse(error, statement.node)
-    facts = writer.names.facts
-    facts.digest = hashlib.sha256("".join(writer.out).encode("ascii")).hexdigest()
-    return facts
+Handlers = Mapping[type[ast.AST], Callable[["Writer", Any, int], None]]
+"""What writes the kinds of syntax that need more than their fields one after the other."""
 
 
 class Writer:
@@ -78,18 +50,19 @@ class Writer:
         Containers that all objects of the class around share.
     """
 
-    def __init__(self, modules: Modules, module: Module, fieldless: frozenset[str]) -> None:
+    def __init__(self, modules: Modules, module: Module, fieldless: frozenset[str], handlers: Handlers) -> None:
         self.module = module
         self.names = References(modules, module)
         self.out: list[str] = []
         self.tries = 0
         self.fieldless = fieldless
         self.shared: frozenset[str] = frozenset()
+        self._handlers = handlers
 
     def write(self, node: ast.AST, role: int = HELD) -> None:
         """Write any node; ``role`` says how the value of an expression is used."""
         kind = type(node)
-        if (handler := _HANDLERS.get(kind)) is not None:
+        if (handler := self._handlers.get(kind)) is not None:
             handler(self, node, role)
         elif kind in _LOOKING:
             self.generic(node, READ)
@@ -170,3 +143,18 @@ def _does_nothing(node: object) -> bool:
             return True
         case _:
             return False
+
+
+def constant(value: object) -> str:
+    """Return a constant in ASCII: equal texts mean equal type and value, on every Python."""
+    match value:
+        case float():
+            return f"f{value.hex()}"
+        case complex():
+            return f"j{value.real.hex()},{value.imag.hex()}"
+        case bool():
+            return str(value)
+        case int():
+            return hex(value)  # str() refuses long ones
+        case _:
+            return ascii(value)

@@ -7,17 +7,17 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from garment_dataset.errors import PictureError
 
-Floats = NDArray[np.float64]
-Mask = NDArray[np.bool_]
-Image = NDArray[np.uint8]
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from garment_dataset.arrays import BoolArray, ColorImage, FloatArray
 
 _EXACT_FRAMES = 258  # float32 holds sums of that many squares of bytes exactly: 258 * 255^2 < 2^24
 _DRIFT_ROUNDS = 3
@@ -39,8 +39,8 @@ class Background:
         Number of frames.
     """
 
-    mean: Floats
-    std: Floats
+    mean: FloatArray
+    std: FloatArray
     count: int
 
 
@@ -55,7 +55,7 @@ class BackgroundAccumulator:
         self._part: tuple[NDArray[np.float32], NDArray[np.float32]] | None = None
         self._totals: tuple[NDArray[np.uint64], NDArray[np.uint64]] | None = None
 
-    def add(self, frame: Image) -> None:
+    def add(self, frame: ColorImage) -> None:
         """Add one frame of the empty scene.
 
         Parameters
@@ -127,7 +127,7 @@ class Bounds:
     upper: NDArray[np.int16]
 
     @classmethod
-    def of(cls, background: Background, *, alpha: float, min_sigma: float, clip: Mask | None = None) -> Bounds:
+    def of(cls, background: Background, *, alpha: float, min_sigma: float, clip: BoolArray | None = None) -> Bounds:
         """Turn thesis eq. (5.3) into bounds.
 
         Parameters
@@ -162,7 +162,7 @@ class Bounds:
         """Return the bounds of a lattice of pixels: see :func:`lattice`."""
         return Bounds(lattice(self.lower, pitch_px), lattice(self.upper, pitch_px))
 
-    def outside(self, frame: Image, drift: NDArray[np.int16]) -> Image:
+    def outside(self, frame: ColorImage, drift: NDArray[np.int16]) -> ColorImage:
         """Mark the pixels of which any channel is outside its bounds.
 
         Parameters
@@ -183,7 +183,7 @@ class Bounds:
         return np.asarray(cv2.bitwise_not(cv2.inRange(frame, lower, upper)), np.uint8)
 
 
-def _first_within(mean: Floats, reach: Floats) -> Floats:
+def _first_within(mean: FloatArray, reach: FloatArray) -> FloatArray:
     """Return the smallest integer I with mean - I <= reach, in the very arithmetic of that comparison."""
     guess = np.ceil(mean - reach)
     guess += mean - guess > reach  # that difference rounds otherwise than the one above: the next integer, then
@@ -228,7 +228,7 @@ class DriftEstimator:
     """
 
     def __init__(
-        self, background: Background, clip: Mask | None = None, *, pitch_px: int = 8, max_drift: int = 24
+        self, background: Background, clip: BoolArray | None = None, *, pitch_px: int = 8, max_drift: int = 24
     ) -> None:
         self._pitch_px = pitch_px
         seen = np.ones(background.mean.shape[:2], np.uint8) if clip is None else clip.view(np.uint8)
@@ -238,7 +238,7 @@ class DriftEstimator:
         self._half_width = max(3, math.ceil(3 * spread))
         self._reach = max_drift + self._half_width
 
-    def __call__(self, frame: Image) -> Floats:
+    def __call__(self, frame: ColorImage) -> FloatArray:
         """Estimate the change.
 
         Parameters

@@ -10,16 +10,14 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from garment_dataset.arrays import FloatArray, IntArray
     from garment_dataset.vision.color.axes import Axes
     from garment_dataset.vision.color.masks import Border
 
-Floats = NDArray[np.float64]
-Ints = NDArray[np.int64]
 
 # The eight neighbours (u, v) by direction, in steps of 45 degrees, clockwise as displayed, from the right
 _STEPS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
@@ -66,14 +64,14 @@ class CentralCurves(NamedTuple):
         How many separate parts the cut meets: more than 1 at folds, sleeves and holes.
     """
 
-    region: Ints
-    cut: Ints
-    u_px: Floats
-    v_px: Floats
-    width_px: Floats
-    position_px: Floats
-    arc_length_px: Floats
-    parts: Ints
+    region: IntArray
+    cut: IntArray
+    u_px: FloatArray
+    v_px: FloatArray
+    width_px: FloatArray
+    position_px: FloatArray
+    arc_length_px: FloatArray
+    parts: IntArray
 
 
 class Boundaries(NamedTuple):
@@ -89,9 +87,9 @@ class Boundaries(NamedTuple):
         Region of each corner, ascending.
     """
 
-    points: Floats
-    following: Ints
-    region: Ints
+    points: FloatArray
+    following: IntArray
+    region: IntArray
 
 
 def boundaries(regions: Sequence[Sequence[Border]]) -> Boundaries:
@@ -117,7 +115,7 @@ def boundaries(regions: Sequence[Sequence[Border]]) -> Boundaries:
     return Boundaries(points, _following(edges), np.repeat(region, edges))
 
 
-def _following(lengths: Ints) -> Ints:
+def _following(lengths: IntArray) -> IntArray:
     """Return the index of the next element within closed sequences of the given lengths."""
     ends = np.cumsum(lengths)
     following = np.arange(1, ends[-1] + 1)
@@ -176,7 +174,7 @@ def central_curves(
     return CentralCurves(number, cut, u, v, right - left, position, length, parts.reshape(-1, lines).max(axis=1))
 
 
-def _turned(outlines: Boundaries, centre: Floats, down: Floats) -> tuple[Floats, Floats]:
+def _turned(outlines: Boundaries, centre: FloatArray, down: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Return each corner's coordinates along the major axis, downward, and across it, to the right of a level one."""
     u, v = (outlines.points - np.take(centre, outlines.region, axis=0)).T
     du, dv = np.take(down, outlines.region, axis=0).T
@@ -184,8 +182,8 @@ def _turned(outlines: Boundaries, centre: Floats, down: Floats) -> tuple[Floats,
 
 
 def _crossings(
-    outlines: Boundaries, along: Floats, across: Floats, lines: Ints, pitch_px: float
-) -> tuple[Floats, Floats, Ints]:
+    outlines: Boundaries, along: FloatArray, across: FloatArray, lines: IntArray, pitch_px: float
+) -> tuple[FloatArray, FloatArray, IntArray]:
     """Cross all lines with all polygons.
 
     Parameters
@@ -227,7 +225,7 @@ def _crossings(
     return first, last, parts
 
 
-def _arc_length(u_px: Floats, v_px: Floats, cut: Ints) -> Floats:
+def _arc_length(u_px: FloatArray, v_px: FloatArray, cut: IntArray) -> FloatArray:
     """Sum the distances of successive midpoints, from 0 at each region's first."""
     steps = np.hypot(np.diff(u_px, prepend=0), np.diff(v_px, prepend=0))
     length = np.cumsum(steps)

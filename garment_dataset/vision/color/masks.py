@@ -15,14 +15,15 @@ from garment_dataset.errors import PictureError, TableError
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from garment_dataset.vision.color.background import Background, Image, Mask
+    from garment_dataset.arrays import BoolArray, ColorImage
+    from garment_dataset.vision.color.background import Background
 
 Border = NDArray[np.int32]
 
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
-def encode_mask(mask: Mask) -> bytes:
+def encode_mask(mask: BoolArray) -> bytes:
     """Write a mask as a PNG of one bit per pixel; equal masks give equal bytes.
 
     Written here, for it is a fifth of the time and half the bytes of ``cv2.imencode``.
@@ -52,7 +53,7 @@ def _chunk(kind: bytes, data: bytes) -> bytes:
     return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
 
 
-def decode_mask(png: bytes) -> Mask:
+def decode_mask(png: bytes) -> BoolArray:
     """Read a mask back: ``decode_mask(row.mask)``.
 
     Parameters
@@ -75,7 +76,7 @@ def decode_mask(png: bytes) -> Mask:
     return np.asarray(image > 127)
 
 
-def polygon_mask(polygon: Sequence[tuple[float, float]], height_px: int, width_px: int) -> Mask:
+def polygon_mask(polygon: Sequence[tuple[float, float]], height_px: int, width_px: int) -> BoolArray:
     """Fill a polygon.
 
     Parameters
@@ -101,12 +102,12 @@ def polygon_mask(polygon: Sequence[tuple[float, float]], height_px: int, width_p
     return mask.view(np.bool_)
 
 
-def square(side_px: int) -> Image:
+def square(side_px: int) -> ColorImage:
     """Return a square structuring element."""
     return np.ones((side_px, side_px), np.uint8)
 
 
-def open_close(mask: Image, open_px: int, close_px: int) -> Image:
+def open_close(mask: ColorImage, open_px: int, close_px: int) -> ColorImage:
     """Open, then close, with squares; all beyond the image counts as background.
 
     Parameters
@@ -130,7 +131,7 @@ def open_close(mask: Image, open_px: int, close_px: int) -> Image:
     return np.asarray(padded[pad : pad + mask.shape[0], pad : pad + mask.shape[1]], np.uint8)
 
 
-def largest_component(mask: Image) -> Image:
+def largest_component(mask: ColorImage) -> ColorImage:
     """Keep the largest 8-connected region; of equal ones the one that begins highest, then furthest left.
 
     Parameters
@@ -155,7 +156,7 @@ def largest_component(mask: Image) -> Image:
     return np.asarray(labels == largest).view(np.uint8)
 
 
-def borders(mask: Mask) -> list[Border]:
+def borders(mask: BoolArray) -> list[Border]:
     """Follow the borders of a region: the outer one, then those of its holes.
 
     Parameters
@@ -180,7 +181,7 @@ def borders(mask: Mask) -> list[Border]:
 
 def suggest_clip_mask(
     background: Background, *, max_step: float = 4.0, max_sigma: float = 10.0, margin_px: int = 3
-) -> Mask:
+) -> BoolArray:
     """Suggest where a garment can be seen: before the largest part of the background that is monochrome.
 
     Parameters

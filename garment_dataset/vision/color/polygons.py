@@ -8,10 +8,10 @@ import cv2
 import numpy as np
 
 if TYPE_CHECKING:
-    from garment_dataset.vision.color.background import Mask
+    from garment_dataset.arrays import BoolArray
 
 
-def polygon_of(mask: Mask, *, tolerance_px: float = 2.0) -> list[tuple[int, int]]:
+def polygon_of(mask: BoolArray, *, tolerance_px: float = 2.0) -> list[tuple[int, int]]:
     """Draw a polygon around the largest region of a mask; its holes are filled.
 
     Parameters

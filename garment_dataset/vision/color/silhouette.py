@@ -20,16 +20,17 @@ from garment_dataset.vision.color.masks import largest_component, open_close, sq
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from garment_dataset.vision.color.background import Floats, Image, Mask
+    from garment_dataset.arrays import BoolArray, ColorImage, FloatArray
+    from garment_dataset.vision.color.background import Background
 
     Box = tuple[slice, slice]
     Indices = NDArray[np.intp]
 
 Edge = Literal["half_contrast", "threshold"]
 
-_CROSS: Image = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)).astype(np.uint8)
-_SQUARE: Image = np.ones((3, 3), np.uint8)
-_DISC: Image = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5)).astype(np.uint8)
+_CROSS: ColorImage = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)).astype(np.uint8)
+_SQUARE: ColorImage = np.ones((3, 3), np.uint8)
+_DISC: ColorImage = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5)).astype(np.uint8)
 
 # How edges are refined; chosen on rendered garments with an Xtion's noise, blur of 1 to 2 px, motion and texture:
 # with more layers blur matters less and texture more.
@@ -67,7 +68,7 @@ class BackgroundSubtractor:
     def __init__(
         self,
         background: Background,
-        clip: Mask | None = None,
+        clip: BoolArray | None = None,
         *,
         alpha: float = 3.0,
         min_sigma: float = 2.0,
@@ -90,18 +91,18 @@ class BackgroundSubtractor:
         self._lattice_bounds = self._bounds.lattice(self._pitch_px)
         self._drift = DriftEstimator(background, clip)
 
-    def drift(self, frame: Image) -> Floats:
+    def drift(self, frame: ColorImage) -> FloatArray:
         """Estimate the change of brightness against the background: see :class:`DriftEstimator`."""
         return self._drift(frame)
 
     def silhouette(
         self,
-        frame: Image,
+        frame: ColorImage,
         *,
-        drift: Floats | None = None,
+        drift: FloatArray | None = None,
         top_v_px: float | None = None,
-        gripper: Mask | None = None,
-    ) -> Mask:
+        gripper: BoolArray | None = None,
+    ) -> BoolArray:
         """Mark the garment.
 
         Parameters
@@ -155,7 +156,7 @@ class BackgroundSubtractor:
             mask[box] = largest_component(_without(mask[box], box, top, gripper))
         return mask.view(np.bool_)
 
-    def _search(self, frame: Image, shift: NDArray[np.int16], top: int) -> Box | None:
+    def _search(self, frame: ColorImage, shift: NDArray[np.int16], top: int) -> Box | None:
         """Find a box that holds all that opening leaves at and below row ``top``, or None when that is nothing.
 
         Every square of ``open_px`` holds a block of ``open_px // pitch`` lattice points each way, so only a fraction of
@@ -184,7 +185,7 @@ class BackgroundSubtractor:
         )
 
 
-def _without(mask: Image, box: Box, top: int, gripper: Mask | None) -> Image:
+def _without(mask: ColorImage, box: Box, top: int, gripper: BoolArray | None) -> ColorImage:
     """Return the mask of a box without what is above row ``top`` of the image, and without the gripper."""
     kept = mask.copy()
     kept[: max(top - box[0].start, 0)] = 0
@@ -193,7 +194,7 @@ def _without(mask: Image, box: Box, top: int, gripper: Mask | None) -> Image:
     return kept
 
 
-def _bounding_box(mask: Image, margin_px: int = 0) -> Box:
+def _bounding_box(mask: ColorImage, margin_px: int = 0) -> Box:
     u_px, v_px, width_px, height_px = cv2.boundingRect(mask)
     return (
         slice(max(v_px - margin_px, 0), v_px + height_px + margin_px),
@@ -201,7 +202,7 @@ def _bounding_box(mask: Image, margin_px: int = 0) -> Box:
     )
 
 
-def refine_edges(frame: Image, mean: Floats, mask: Image, drift: Floats) -> Image:
+def refine_edges(frame: ColorImage, mean: FloatArray, mask: ColorImage, drift: FloatArray) -> ColorImage:
     """Decide the pixels near the edges of a mask by half contrast.
 
     A pixel is garment when its colour is further from the background's than half of what the garment's is nearby. The
@@ -255,7 +256,7 @@ def _whole(pixels: Indices, box: Box, width: int) -> Indices:
     return np.asarray((rows + box[0].start) * width + columns + box[1].start)
 
 
-def _colour_distance(frame: Image, mean: Floats, drift: Floats, pixels: Indices) -> Floats:
+def _colour_distance(frame: ColorImage, mean: FloatArray, drift: FloatArray, pixels: Indices) -> FloatArray:
     """Return the distances of pixels from the background's colour, in parts of a grey level, rounded."""
     # By channel: numpy is slow along an axis of three
     colour, background = (np.take(image.reshape(-1, 3), pixels, axis=0).T for image in (frame, mean))
@@ -263,7 +264,7 @@ def _colour_distance(frame: Image, mean: Floats, drift: Floats, pixels: Indices)
     return np.asarray(np.rint(np.sqrt((change * change).sum(axis=0)) * _FINE), np.float64)
 
 
-def _core(mask: Image) -> Image:
+def _core(mask: ColorImage) -> ColorImage:
     """Mark the pixels below all layers, and those with no neighbour in a deeper layer than their own."""
     layer = peeled = mask
     for element in _PEELING:
@@ -273,7 +274,7 @@ def _core(mask: Image) -> Image:
     return np.asarray(cv2.bitwise_and(deepest, mask), np.uint8)
 
 
-def _contrast(distance: NDArray[np.uint16], core: Image, rim: Image, band: Indices) -> Floats:
+def _contrast(distance: NDArray[np.uint16], core: ColorImage, rim: ColorImage, band: Indices) -> FloatArray:
     """Return the mean distance over the rim of the core, around the core pixel nearest to each pixel of the band."""
     sums = cv2.boxFilter(distance * rim, cv2.CV_32F, (3, 3), normalize=False)
     counts = cv2.boxFilter(rim, cv2.CV_32F, (3, 3), normalize=False)

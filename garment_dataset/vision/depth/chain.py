@@ -14,12 +14,8 @@ import numpy as np
 from garment_dataset.vision.depth.cloud import z_std_m
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
+    from garment_dataset.arrays import FloatArray, IntArray
     from garment_dataset.vision.depth.cloud import Cloud, Intrinsics, Point
-
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -69,6 +65,31 @@ class Chain:
     def length_m(self) -> float:
         """Length of the garment, thesis eq. (5.11); 0 when there is no chain."""
         return float(self.arc_length_m[-1]) if self.arc_length_m.size else 0.0
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Track:
+    """One frame's chain after smoothing, and what is uncertain about it.
+
+    Parameters
+    ----------
+    chain : Chain
+        From the gripper's end point to the hem.
+    z_noise_m : (k,) float64
+        Standard deviation of the noise of z at the samples.
+    end_noise_m : float
+        Standard deviation of the noise of the garment's end along y.
+    top_noise_m : float
+        The same of the distance between the gripper's end point and the cloth at its height.
+    lean : (k,) float64
+        Lean dz/dx of the sheet.
+    """
+
+    chain: Chain
+    z_noise_m: FloatArray
+    end_noise_m: float
+    top_noise_m: float
+    lean: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,17 +12,15 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from garment_dataset.vision.depth.cloud import COLUMN_BAND_LEVELS
+from garment_dataset.vision.depth.cloud import COLUMN_BAND_LEVELS, LEVEL_SPACING_PER_M
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from numpy.typing import NDArray
 
-    FloatArray = NDArray[np.float64]
+    from garment_dataset.arrays import FloatArray
 
-LEVEL_SPACING_PER_M = 0.1052 / 36
-"""Distance between neighbouring levels in inverse depth, from the driver's table: an eighth of a pixel of disparity."""
 
 BAND_WIDTH_PX = 56.0
 """Width of the vertical bands that share an error (measured: 56 px on most cameras, 96 px on some)."""

@@ -7,19 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from garment_dataset.vision.depth.cloud import NOISE_LEVELS, PIXELS_PER_INDEPENDENT
-from garment_dataset.vision.depth.flat_field import LEVEL_SPACING_PER_M
+from garment_dataset.vision.depth.cloud import LEVEL_SPACING_PER_M, NOISE_LEVELS, PIXELS_PER_INDEPENDENT
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from garment_dataset.arrays import BoolArray, FloatArray, IntArray
     from garment_dataset.vision.depth.cloud import Intrinsics
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
 
 _AGREEMENT = 2.0
 """So many standard uncertainties two windows may differ by; the larger one fades out up to one more."""
@@ -38,6 +33,28 @@ class ProfileRows:
     filled: BoolArray  # (n,)
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Planes:
+    """What the planes around the rows of a profile say of it.
+
+    Parameters
+    ----------
+    inverse : (k,) float64
+        Inverse depth on the profile, 1/m.
+    down : (k,) float64
+        Its slope down the rows, 1/m per pixel.
+    lean : (k,) float64
+        Slope dz/dx of the sheet.
+    pixels : (k,) int64
+        Number of pixels that the fits rest on.
+    """
+
+    inverse: FloatArray
+    down: FloatArray
+    lean: FloatArray
+    pixels: IntArray
+
+
 def fit_windows(
     rows: ProfileRows,
     index: IntArray,
@@ -45,7 +62,7 @@ def fit_windows(
     intrinsics: Intrinsics,
     gripper_x_m: float,
     windows_px: Sequence[tuple[int, int]],
-) -> tuple[FloatArray, FloatArray, FloatArray, IntArray]:
+) -> Planes:
     """Fit planes in windows of several sizes, and keep for every row the largest that agrees with the smaller ones.
 
     Parameters
@@ -65,14 +82,8 @@ def fit_windows(
 
     Returns
     -------
-    inverse : (k,) float64
-        Inverse depth on the profile, 1/m.
-    down : (k,) float64
-        Its slope down the rows, 1/m per pixel.
-    lean : (k,) float64
-        Slope dz/dx of the sheet.
-    pixels : (k,) int64
-        Number of pixels that the fits rest on.
+    Planes
+        One for each of these rows.
     """
     first = index[np.searchsorted(piece, piece, side="left")]
     stop = index[np.searchsorted(piece, piece, side="right") - 1] + 1
@@ -95,7 +106,7 @@ def fit_windows(
     offset_px = intrinsics.fx_px * gripper_x_m / rows.middle_m[index]
     inverse = (at_column - across * offset_px) / (1 - across * intrinsics.fx_px * gripper_x_m)
     lean = -across * intrinsics.fx_px / (inverse - across * offset_px)
-    return inverse, down, lean, np.rint(pixels).astype(np.int64)
+    return Planes(inverse, down, lean, np.rint(pixels).astype(np.int64))
 
 
 def _row_moments(rows: ProfileRows, usable: BoolArray, windows_px: Sequence[tuple[int, int]]) -> FloatArray:

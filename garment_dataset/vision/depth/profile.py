@@ -15,18 +15,14 @@ import cv2
 import numpy as np
 
 from garment_dataset.vision.depth.cloud import band_limits_mm, possible_region
-from garment_dataset.vision.depth.planes import ProfileRows, fit_windows
+from garment_dataset.vision.depth.planes import Planes, ProfileRows, fit_windows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from garment_dataset.arrays import DepthImage, FloatArray, IntArray
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
 
 _MIN_ROW_PIXELS = 3
 _MIN_ROWS = 5
@@ -53,8 +49,8 @@ class Profile:
         Number of pixels that the node's plane rests on.
     z_spread_m : (n,) float64
         Sample standard deviation of z in the row's pixels; NaN for fewer than two.
-    x_slope : (n,) float64
-        Lean of the sheet out of the plane: dz/dx.
+    lean : (n,) float64
+        Slope dz/dx of the sheet out of the plane.
     end_y_m : float
         Where the garment ends.
     ends_at_gap : bool
@@ -66,23 +62,54 @@ class Profile:
     piece: IntArray
     pixels: IntArray
     z_spread_m: FloatArray
-    x_slope: FloatArray
+    lean: FloatArray
     end_y_m: float
     ends_at_gap: bool
 
 
+@dataclass(frozen=True, slots=True)
+class ProfileSettings:
+    """Where a profile can be, and what counts as one surface.
+
+    Parameters
+    ----------
+    band_half_width_m : float
+        Depth from the gripper's that is looked at, eq. (5.8).
+    clearance_m : float
+        So far below the end point the gripper's fingers can be in the way; nothing above that is used.
+    jump_m : float
+        Neighbouring depths that differ by more are not the same surface.
+    max_gap_m : float
+        The longest stretch without pixels that is bridged.
+    windows_px : sequence of (int, int)
+        Half widths and half heights of the windows, rising.
+    """
+
+    band_half_width_m: float
+    clearance_m: float
+    jump_m: float
+    max_gap_m: float
+    windows_px: Sequence[tuple[int, int]]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class DepthScale:
+    """What makes inverse depth of the values of a depth image.
+
+    Parameters
+    ----------
+    table_per_m : (65536,) float64
+        Inverse depth by millimetres, from :func:`~garment_dataset.vision.depth.flat_field.inverse_depth_table`.
+    offset_per_m : (W,) float64 or None
+        What the columns add to it, from :func:`~garment_dataset.vision.depth.flat_field.column_offsets`.
+    """
+
+    table_per_m: FloatArray
+    offset_per_m: FloatArray | None = None
+
+
 def trace_profile(
-    depth_mm: NDArray[np.uint16],
-    intrinsics: Intrinsics,
-    gripper_m: Point,
-    table_per_m: FloatArray,
-    offset_per_m: FloatArray | None,
-    *,
-    band_half_width_m: float,
-    clearance_m: float,
-    jump_m: float,
-    max_gap_m: float,
-    windows_px: Sequence[tuple[int, int]],
+    depth_mm: DepthImage, intrinsics: Intrinsics, gripper_m: Point, scale: DepthScale, settings: ProfileSettings
 ) -> Profile | Literal["no_pixels", "few_pixels"]:
     """Follow the profile through one image.
 
@@ -94,107 +121,104 @@ def trace_profile(
         Of this image.
     gripper_m : (x, y, z)
         End point of the gripper.
-    table_per_m : (65536,) float64
-        Inverse depth by millimetres, from :func:`~garment_dataset.vision.depth.flat_field.inverse_depth_table`.
-    offset_per_m : (W,) float64 or None
-        What the columns add to it, from :func:`~garment_dataset.vision.depth.flat_field.column_offsets`.
-    band_half_width_m : float
-        Depth from the gripper's that is looked at, eq. (5.8).
-    clearance_m : float
-        So far below the end point the gripper's fingers can be in the way; nothing above that is used.
-    jump_m : float
-        Neighbouring depths that differ by more are not the same surface.
-    max_gap_m : float
-        The longest stretch without pixels that is bridged.
-    windows_px : sequence of (int, int)
-        Half widths and half heights of the windows, rising.
+    scale : DepthScale
+        Of the recording.
+    settings : ProfileSettings
+        See there.
 
     Returns
     -------
     Profile or str
         ``no_pixels`` when the band is empty below the gripper, ``few_pixels`` when no five rows show cloth.
     """
-    band_mm = band_limits_mm(gripper_m[2], band_half_width_m)
-    reach_m = (windows_px[-1][0] + _MEDIAN_PX) * (gripper_m[2] + band_half_width_m) / intrinsics.fx_px
-    top_m = (gripper_m[0], gripper_m[1] + clearance_m, gripper_m[2])
+    band_mm = band_limits_mm(gripper_m[2], settings.band_half_width_m)
+    reach_px = settings.windows_px[-1][0]
+    reach_m = (reach_px + _MEDIAN_PX) * (gripper_m[2] + settings.band_half_width_m) / intrinsics.fx_px
+    top_m = (gripper_m[0], gripper_m[1] + settings.clearance_m, gripper_m[2])
     lines, columns = possible_region((depth_mm.shape[0], depth_mm.shape[1]), intrinsics, top_m, band_mm, reach_m)
     block = depth_mm[lines, columns]
     inside = (block >= band_mm[0]) & (block <= band_mm[1])
     if not inside.any():
         return "no_pixels"
     masked = np.where(inside, block, np.uint16(0))
-    offset = np.zeros(block.shape[1]) if offset_per_m is None else offset_per_m[columns]
-    rows = _gather(
-        masked,
-        lines.start,
-        columns.start,
-        intrinsics,
-        gripper_m[0],
-        gripper_m[2],
-        table_per_m,
-        offset,
-        jump_m,
-        windows_px[-1][0],
-    )
+    offset = np.zeros(block.shape[1]) if scale.offset_per_m is None else scale.offset_per_m[columns]
+    seen = _Block(masked, lines.start, columns.start, DepthScale(scale.table_per_m, offset))
+    rows = _gather(seen, intrinsics, gripper_m, settings.jump_m, reach_px)
     below = (rows.v - intrinsics.cy_px) / intrinsics.fy_px * np.nan_to_num(rows.middle_m) >= top_m[1]
-    index, ends_at_gap = _linked(np.flatnonzero(rows.filled & below), rows, intrinsics, max_gap_m)
+    index, ends_at_gap = _linked(np.flatnonzero(rows.filled & below), rows, intrinsics, settings.max_gap_m)
     if index.size < _MIN_ROWS:
         return "few_pixels"
-    piece = np.concatenate([[0], np.cumsum(np.abs(np.diff(rows.middle_m[index])) > jump_m)])
-    inverse, down, lean, pixels = fit_windows(rows, index, piece, intrinsics, gripper_m[0], windows_px)
-    end_v = _hem(masked, rows, index[-1], jump_m)
-    return _profile(rows, index, piece, inverse, down, lean, pixels, end_v, intrinsics, depth_mm.shape[0], ends_at_gap)
+    piece = np.concatenate([[0], np.cumsum(np.abs(np.diff(rows.middle_m[index])) > settings.jump_m)])
+    planes = fit_windows(rows, index, piece, intrinsics, gripper_m[0], settings.windows_px)
+    end_v = _hem(masked, rows, index[-1], settings.jump_m)
+    last_v = (depth_mm.shape[0] - 0.5) if end_v is None else end_v
+    return _profile(_Rows(rows, index, piece), planes, last_v, intrinsics, ends_at_gap=ends_at_gap)
 
 
-def _gather(
-    masked_mm: NDArray[np.uint16],
-    first_row: int,
-    first_column: int,
-    intrinsics: Intrinsics,
-    gripper_x_m: float,
-    gripper_z_m: float,
-    table_per_m: FloatArray,
-    offset_per_m: FloatArray,
-    jump_m: float,
-    reach_px: int,
-) -> ProfileRows:
-    """Collect the pixels of every row that are connected to the profile's column."""
-    smooth_mm = cv2.medianBlur(np.ascontiguousarray(masked_mm), _MEDIAN_PX)
-    row = np.arange(masked_mm.shape[0])
-    half = reach_px
-    last_column = masked_mm.shape[1] - 1
-    centre_px = intrinsics.cx_px - first_column
-    reach_m = intrinsics.fx_px * gripper_x_m
-    middle_m = np.full(row.size, gripper_z_m)
-    for _ in range(2):
-        column = np.clip(np.rint(centre_px + reach_m / middle_m).astype(np.int64), 0, last_column)
-        found_mm = smooth_mm[row, column]
-        middle_m = np.where(found_mm > 0, found_mm / 1000, middle_m)
-    column_px = centre_px + reach_m / middle_m
+@dataclass(frozen=True, slots=True, eq=False)
+class _Block:
+    """The part of an image in which the garment can be: 0 outside of the band."""
+
+    masked_mm: DepthImage
+    first_row: int
+    first_column: int
+    scale: DepthScale
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Rows:
+    """The rows of a block that show the profile, and the pieces they belong to."""
+
+    all: ProfileRows
+    index: IntArray
+    piece: IntArray
+
+
+def _gather(block: _Block, intrinsics: Intrinsics, gripper_m: Point, jump_m: float, half: int) -> ProfileRows:
+    """Collect the pixels of every row that are connected to the profile's column, up to ``half`` columns away."""
+    smooth_mm: DepthImage = cv2.medianBlur(np.ascontiguousarray(block.masked_mm), _MEDIAN_PX).astype(
+        np.uint16, copy=False
+    )
+    row = np.arange(smooth_mm.shape[0])
+    last_column = smooth_mm.shape[1] - 1
+    column_px = _profile_column(smooth_mm, intrinsics.cx_px - block.first_column, intrinsics.fx_px, gripper_m)
     columns = np.rint(column_px).astype(np.int32)[:, None] + np.arange(-half, half + 1, dtype=np.int32)
     inside = (columns >= 0) & (columns <= last_column)
     np.clip(columns, 0, last_column, out=columns)
     pixel = columns + row.astype(np.int32)[:, None] * np.int32(last_column + 1)
     around_mm = smooth_mm.ravel().take(pixel).astype(np.int32)
-    own_mm = masked_mm.ravel().take(pixel)
+    own_mm = block.masked_mm.ravel().take(pixel)
     connected = inside & (around_mm > 0)
     step = np.abs(around_mm[:, 1:] - around_mm[:, :-1]) <= 1000 * jump_m
     connected[:, half + 1 :] &= np.logical_and.accumulate(step[:, half:], axis=1)
     connected[:, :half] &= np.logical_and.accumulate(step[:, half - 1 :: -1], axis=1)[:, ::-1]
     connected &= connected[:, half : half + 1]
     connected &= np.abs(own_mm - around_mm) <= 2000 * jump_m
-    inverse = table_per_m[own_mm]
+    inverse = block.scale.table_per_m[own_mm]
     weight = (connected & (inverse > 0)).astype(np.float64)
     near = weight[:, half - _CENTRE_PX : half + _CENTRE_PX + 1].any(axis=1)
+    offset = block.scale.offset_per_m
     return ProfileRows(
-        v=(row + first_row).astype(np.float64),
+        v=(row + block.first_row).astype(np.float64),
         weight=weight,
-        inverse=weight * (inverse - offset_per_m[columns]),
+        inverse=weight * (inverse - (0.0 if offset is None else offset[columns])),
         shift_px=np.rint(column_px) - column_px,
         column_px=column_px,
         middle_m=np.where(around_mm[:, half] > 0, around_mm[:, half] / 1000, np.nan),
         filled=near & (weight.sum(axis=1) >= _MIN_ROW_PIXELS),
     )
+
+
+def _profile_column(smooth_mm: DepthImage, centre_px: float, fx_px: float, gripper_m: Point) -> FloatArray:
+    """Return where the plane x = x_gripper meets the surface in every row of a block, in columns of the block."""
+    row, last_column = np.arange(smooth_mm.shape[0]), smooth_mm.shape[1] - 1
+    middle_m = np.full(row.size, gripper_m[2])
+    for _ in range(2):
+        column = np.clip(np.rint(centre_px + fx_px * gripper_m[0] / middle_m).astype(np.int64), 0, last_column)
+        found_mm = smooth_mm[row, column]
+        middle_m = np.where(found_mm > 0, found_mm / 1000, middle_m)
+    column_px: FloatArray = centre_px + fx_px * gripper_m[0] / middle_m
+    return column_px
 
 
 def _linked(index: IntArray, rows: ProfileRows, intrinsics: Intrinsics, max_gap_m: float) -> tuple[IntArray, bool]:
@@ -204,7 +228,7 @@ def _linked(index: IntArray, rows: ProfileRows, intrinsics: Intrinsics, max_gap_
     return (index, False) if too_long.size == 0 else (index[: too_long[0] + 1], True)
 
 
-def _hem(masked_mm: NDArray[np.uint16], rows: ProfileRows, last: int, jump_m: float) -> float | None:
+def _hem(masked_mm: DepthImage, rows: ProfileRows, last: int, jump_m: float) -> float | None:
     """Return the row, in pixels of the image, at which the garment ends on the profile; None at the image's edge.
 
     The ends of the columns around it are put on a line, robustly: a missing pixel ends a column early. A column whose
@@ -235,22 +259,10 @@ def _hem(masked_mm: NDArray[np.uint16], rows: ProfileRows, last: int, jump_m: fl
     return end + 0.5 + float(rows.v[0])
 
 
-def _profile(
-    rows: ProfileRows,
-    index: IntArray,
-    piece: IntArray,
-    inverse: FloatArray,
-    down: FloatArray,
-    lean: FloatArray,
-    pixels: IntArray,
-    end_v: float | None,
-    intrinsics: Intrinsics,
-    height_px: int,
-    ends_at_gap: bool,
-) -> Profile:
+def _profile(rows: _Rows, planes: Planes, last_v: float, intrinsics: Intrinsics, *, ends_at_gap: bool) -> Profile:
     """Make nodes of the rows; pieces are drawn out to the middle of what is between them, and the last to the hem."""
-    v = rows.v[index]
-    last_v = (height_px - 0.5) if end_v is None else end_v
+    index, piece = rows.index, rows.piece
+    v = rows.all.v[index]
     kept = v < last_v - 0.01
     kept[0] = True
     breaks = np.flatnonzero(np.diff(piece) > 0)
@@ -259,11 +271,25 @@ def _profile(
     at_v = np.concatenate([v[kept], middle, middle, [max(last_v, v[kept][-1])]])
     order = np.lexsort((at_v, piece[source]))
     source, at_v = source[order], at_v[order]
-    z_m = 1 / (inverse[source] + down[source] * (at_v - v[source]))
+    z_m = 1 / (planes.inverse[source] + planes.down[source] * (at_v - v[source]))
     y_m = (at_v - intrinsics.cy_px) / intrinsics.fy_px * z_m
-    weight, values = rows.weight[index], rows.inverse[index]
+    spread_m = _spread_m(rows.all.weight[index], rows.all.inverse[index], planes.inverse)
+    return Profile(
+        y_m,
+        z_m,
+        piece[source],
+        planes.pixels[source],
+        spread_m[source],
+        planes.lean[source],
+        float(y_m[-1]),
+        ends_at_gap,
+    )
+
+
+def _spread_m(weight: FloatArray, values: FloatArray, inverse: FloatArray) -> FloatArray:
+    """Return the sample standard deviation of z in the pixels of each row; NaN for fewer than two."""
     number = weight.sum(axis=1)
     mean = values.sum(axis=1) / number
     variance = (weight * (values - mean[:, None]) ** 2).sum(axis=1) / np.where(number > 1, number - 1, np.nan)
-    spread_m = np.sqrt(variance) / inverse**2
-    return Profile(y_m, z_m, piece[source], pixels[source], spread_m[source], lean[source], float(y_m[-1]), ends_at_gap)
+    spread_m: FloatArray = np.sqrt(variance) / inverse**2
+    return spread_m

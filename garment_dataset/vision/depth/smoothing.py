@@ -9,9 +9,8 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from garment_dataset.arrays import FloatArray
 
-    FloatArray = NDArray[np.float64]
 
 NOISE_FRAMES = 5
 """Length of the fits whose residuals tell the noise."""

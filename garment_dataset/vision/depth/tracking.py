@@ -8,26 +8,22 @@ all where a fold passes. Noise is judged by the data, so what is stated as uncer
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from garment_dataset.vision.depth.chain import Chain, ChainPoints
+from garment_dataset.vision.depth.chain import Chain, ChainPoints, Track
 from garment_dataset.vision.depth.smoothing import NOISE_FRAMES, adaptive_mean, local_fit, unrest
 from garment_dataset.vision.depth.uncertainty import point_std_m
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
+    from garment_dataset.arrays import FloatArray, IntArray
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
     from garment_dataset.vision.depth.profile import Profile
     from garment_dataset.vision.depth.uncertainty import ErrorSources
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
 
 _SHAPE_DEGREE = 2
 
@@ -43,31 +39,6 @@ _FARTHEST_HOLD_M = 0.03
 
 _SEEN_WITHIN_M = 0.004
 """Two rows of pixels: a sample farther from any of them was bridged."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Track:
-    """One frame's chain after smoothing, and what is uncertain about it.
-
-    Parameters
-    ----------
-    chain : Chain
-        From the gripper's end point to the hem.
-    z_noise_m : (k,) float64
-        Standard deviation of the noise of z at the samples.
-    end_noise_m : float
-        Standard deviation of the noise of the garment's end along y.
-    top_noise_m : float
-        The same of the distance between the gripper's end point and the cloth at its height.
-    x_slope : (k,) float64
-        Lean dz/dx of the sheet.
-    """
-
-    chain: Chain
-    z_noise_m: FloatArray
-    end_noise_m: float
-    top_noise_m: float
-    x_slope: FloatArray
 
 
 def track_profiles(
@@ -105,13 +76,19 @@ def track_profiles(
     end_noise_m = np.hypot(end_noise_m, unrest_m)
     top_m, top_noise_m = _one_series(time_s, shape_m[:, 0], _HOLD_FRAMES if frames else (), 1)
     # the square of a distance is too large by the variance of its noise
-    held_m = np.sqrt(np.maximum(top_m**2 - top_noise_m**2, 0)) * (np.abs(top_m) < _FARTHEST_HOLD_M)
+    hold_m = np.sqrt(np.maximum(top_m**2 - top_noise_m**2, 0)) * (np.abs(top_m) < _FARTHEST_HOLD_M)
     tracks = [
         _track(
             profiles[i],
             gripper_m[i],
             _Smoothed(
-                raster_m, smooth_m[row], noise_m[row], end_m[row], end_noise_m[row], held_m[row], top_noise_m[row]
+                raster_m,
+                smooth_m[row],
+                noise_m[row],
+                end_m[row],
+                end_noise_m[row],
+                hold_m[row],
+                top_noise_m[row],
             ),
         )
         for row, i in enumerate(order)
@@ -152,7 +129,7 @@ class _Smoothed(NamedTuple):
     z_noise_m: FloatArray
     end_m: float
     end_noise_m: float
-    held_m: float
+    hold_m: float
     top_noise_m: float
 
 
@@ -185,7 +162,7 @@ def _track(profile: Profile, gripper_m: FloatArray, smoothed: _Smoothed) -> Trac
     y_m = np.append(smoothed.raster_m[smoothed.raster_m < end_m - 1e-6], end_m)
     z_m = np.interp(y_m, smoothed.raster_m, smoothed.z_m)
     noise_m = np.interp(y_m, smoothed.raster_m, smoothed.z_noise_m)
-    arc_m = smoothed.held_m + np.concatenate([[0.0], np.cumsum(_links(y_m, z_m))])
+    arc_m = smoothed.hold_m + np.concatenate([[0.0], np.cumsum(_links(y_m, z_m))])
     nodes_m = profile.y_m - gripper_m[1]
     after = np.clip(np.searchsorted(nodes_m, y_m), 1, nodes_m.size - 1)
     nearest = after - (y_m - nodes_m[after - 1] < nodes_m[after] - y_m)
@@ -197,7 +174,7 @@ def _track(profile: Profile, gripper_m: FloatArray, smoothed: _Smoothed) -> Trac
         np.where(seen, profile.z_spread_m[nearest], np.nan),
         profile.ends_at_gap,
     )
-    lean = profile.x_slope[nearest]
+    lean = profile.lean[nearest]
     return Track(chain, noise_m, float(smoothed.end_noise_m), float(smoothed.top_noise_m), lean)
 
 

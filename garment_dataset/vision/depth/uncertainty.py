@@ -17,12 +17,10 @@ from garment_dataset.vision.depth.flat_field import FINE_PATTERN_BLOB_PX, FINE_P
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from garment_dataset.vision.depth.chain import Chain
+    from garment_dataset.arrays import BoolArray, FloatArray
+    from garment_dataset.vision.depth.chain import Chain, Track
     from garment_dataset.vision.depth.cloud import Intrinsics
-    from garment_dataset.vision.depth.tracking import Track
 
-    FloatArray = NDArray[np.float64]
-    BoolArray = NDArray[np.bool_]
 
 BENT_STD_M = 0.002
 """Standard error of z where cloth is bent across the profile within the smallest windows.
@@ -72,7 +70,7 @@ def point_std_m(
     track: Track,
     position_m: FloatArray,
     arc_m: FloatArray,
-    way_m: tuple[FloatArray, FloatArray],
+    path_m: tuple[FloatArray, FloatArray],
     intrinsics: Intrinsics,
     sources: ErrorSources,
 ) -> FloatArray:
@@ -86,7 +84,7 @@ def point_std_m(
         Points, and
     arc_m : (r,) float64
         their places along the way from the gripper's end point.
-    way_m : ((n,) float64, (3, n) float64)
+    path_m : ((n,) float64, (3, n) float64)
         That way: arc length and position of its nodes.
     intrinsics : Intrinsics
         Of the image.
@@ -122,14 +120,14 @@ def point_std_m(
     folds_m, on_side = fold_std_m(chain, arc_m, flat)
     edge_m = EDGE_STD_M * on_side
     along_m = np.sqrt((share * hem_m) ** 2 + ((1 - share) * hold_m) ** 2 + folds_m**2 + edge_m**2)
-    slid_m = [
-        np.stack([np.interp(place_m, way_m[0], axis) for axis in way_m[1]]) - position_m
+    moved_along_m = [
+        np.stack([np.interp(place_m, path_m[0], axis) for axis in path_m[1]]) - position_m
         for place_m in (arc_m - along_m, arc_m + along_m)
     ]
-    variance = (slid_m[0] ** 2 + slid_m[1] ** 2) / 2
+    variance = (moved_along_m[0] ** 2 + moved_along_m[1] ** 2) / 2
     variance[0] += sources.gripper_std_m**2
     variance[1] += (position_m[1] / position_m[2] * ray_m) ** 2 + edge_m**2
-    variance[2] += ray_m**2 + (track.x_slope[nearest] * sources.gripper_std_m) ** 2
+    variance[2] += ray_m**2 + (track.lean[nearest] * sources.gripper_std_m) ** 2
     std_m: FloatArray = np.sqrt(variance)
     return std_m
 

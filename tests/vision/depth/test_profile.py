@@ -9,16 +9,15 @@ import numpy as np
 import pytest
 
 from garment_dataset.stages.depth_points import DepthPointsParams
-from garment_dataset.stages.depth_traces import trace_garment, trace_profiles
-from garment_dataset.vision.depth.cloud import Intrinsics
+from garment_dataset.vision.depth.cloud import LEVEL_SPACING_PER_M, Intrinsics
 from garment_dataset.vision.depth.flat_field import (
-    LEVEL_SPACING_PER_M,
     column_offsets,
     fixed_error_levels,
     inverse_depth_table,
     ladder_per_m,
 )
 from garment_dataset.vision.depth.smoothing import adaptive_mean
+from garment_dataset.vision.depth.trace import trace_profiles, trace_windows
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
@@ -94,8 +93,10 @@ def both(images: Sequence[Image]) -> tuple[FloatArray, FloatArray, FloatArray]:
     """Return points of the profile and of the thesis' method, and the former's uncertainties, (T, 3, 5)."""
     stamps = {frame: 33_000_000 * frame for frame in range(len(images))}
     grippers = dict.fromkeys(stamps, GRIPPER_M)
-    traces = trace_profiles(list(enumerate(images)), stamps, K, grippers, DepthPointsParams())
-    thesis = [trace_garment(image, K, GRIPPER_M, DepthPointsParams(method="thesis")) for image in images]
+    traces = trace_profiles(list(enumerate(images)), stamps, K, grippers, DepthPointsParams().track_settings())
+    thesis = [
+        trace_windows(image, K, GRIPPER_M, DepthPointsParams(method="thesis").window_settings()) for image in images
+    ]
     found = [trace.points for trace in traces.values()]
     old = [trace.points for trace in thesis]
     return (
@@ -141,7 +142,7 @@ def test_a_leaning_sheet_far_from_the_optical_axis(lean: float) -> None:
     """The profile's column moves with depth, by 11 px from top to bottom, and the sheet leans to the side."""
     gripper_m = (0.3, GRIPPER_M[1], GRIPPER_M[2])
     image = seen(depth_m(SHEETS["tilted"], lean, gripper_m[0]))
-    points = trace_profiles([(0, image)], {0: 0}, K, {0: gripper_m}, DepthPointsParams())[0].points
+    points = trace_profiles([(0, image)], {0: 0}, K, {0: gripper_m}, DepthPointsParams().track_settings())[0].points
     assert points is not None
     np.testing.assert_allclose(points.position_m[2], true_points_m(SHEETS["tilted"])[2], atol=0.0005)
     assert (points.position_m[0] == gripper_m[0]).all()
@@ -211,7 +212,7 @@ def test_a_fold_stays_a_step() -> None:
     lower = (np.indices(SHAPE)[0] - K.cy_px) / K.fy_px * GRIPPER_M[2] > GRIPPER_M[1] + 0.3
     exact = np.where(lower & (exact < WALL_M), exact - 0.04, exact)
     stamps = {0: 0}
-    trace = trace_profiles([(0, seen(exact))], stamps, K, {0: GRIPPER_M}, DepthPointsParams())[0]
+    trace = trace_profiles([(0, seen(exact))], stamps, K, {0: GRIPPER_M}, DepthPointsParams().track_settings())[0]
     assert trace.chain is not None
     z_m = trace.chain.position_m[2] - GRIPPER_M[2]
     assert ((np.abs(z_m) < 0.001) | (np.abs(z_m + 0.04) < 0.001)).mean() > 0.99
@@ -236,6 +237,6 @@ def test_frames_without_use_have_their_reason() -> None:
     images = [(0, good), (1, None), (2, good), (3, np.zeros_like(good))]
     stamps = {frame: 33_000_000 * frame for frame in range(4)}
     grippers = {0: GRIPPER_M, 1: GRIPPER_M, 3: GRIPPER_M}
-    traces = trace_profiles(images, stamps, K, grippers, DepthPointsParams())
+    traces = trace_profiles(images, stamps, K, grippers, DepthPointsParams().track_settings())
     assert [trace.reason for trace in traces.values()] == [None, "image_size", "no_gripper", "no_pixels"]
     assert [trace.points is None for trace in traces.values()] == [False, True, True, True]

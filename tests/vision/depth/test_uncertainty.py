@@ -81,10 +81,10 @@ def test_in_bent_cloth_gentle_slopes_count_too() -> None:
 def test_sliding_over_a_sheet_moves_points_along_it() -> None:
     """The row of pixels at the hem, uniform, lets a point slide by its share of it, down and away by the tilt."""
     z_m: FloatArray = np.linspace(0, 0.3, 241)
-    slid_m = SHARES * (TOP_M[2] + z_m[-1]) / K.fy_px / np.sqrt(12)
+    moved_along_m = SHARES * (TOP_M[2] + z_m[-1]) / K.fy_px / np.sqrt(12)
     found_m = std_m(z_m)
-    np.testing.assert_allclose(found_m[1], slid_m / np.hypot(1, 0.5))
-    np.testing.assert_allclose(found_m[2], slid_m * 0.5 / np.hypot(1, 0.5))
+    np.testing.assert_allclose(found_m[1], moved_along_m / np.hypot(1, 0.5))
+    np.testing.assert_allclose(found_m[2], moved_along_m * 0.5 / np.hypot(1, 0.5))
     assert (found_m[0] == 0).all()
 
 

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 from garment_dataset.stages.depth_points import DepthPointsParams
-from garment_dataset.stages.depth_traces import trace_profiles
-from garment_dataset.vision.depth.centre_line import Centre, smooth_centres
 from garment_dataset.vision.depth.cloud import Intrinsics
+from garment_dataset.vision.depth.material_line import MaterialLine, smooth_material_lines
+from garment_dataset.vision.depth.trace import trace_profiles
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -59,7 +59,7 @@ def material(depth_mm: FloatArray, **knobs: Any) -> list[FloatArray | None]:
         {frame: 33_333_333 * frame for frame in range(FRAMES)},
         K,
         dict.fromkeys(range(FRAMES), GRIPPER_M),
-        DepthPointsParams(**knobs),
+        DepthPointsParams(**knobs).track_settings(),
     )
     assert all(trace.points is not None for trace in traces.values())
     return [trace.material_m for trace in traces.values()]
@@ -136,30 +136,30 @@ def test_the_number_of_points_is_a_parameter() -> None:
         np.testing.assert_allclose(points_m[1], GRIPPER_M[1] + LENGTH_M * np.array([0.25, 0.75]), atol=0.0015)
 
 
-def centre(x_m: float, width_m: float = 0.36) -> Centre:
-    return Centre(np.full(101, x_m), np.zeros(101), width_m)
+def centre(x_m: float, width_m: float = 0.36) -> MaterialLine:
+    return MaterialLine(np.full(101, x_m), np.zeros(101), width_m)
 
 
 def test_what_only_some_frames_show_is_no_sheet() -> None:
     stamp_ns = 33_333_333 * np.arange(8)
     some = [centre(0.001) if frame < 3 else None for frame in range(8)]
-    assert smooth_centres(some, stamp_ns, frames=(5,)) == [None] * 8
-    widths: list[Centre | None] = [*(centre(0.001) for _ in range(7)), centre(0.001, width_m=0.2)]
-    found = smooth_centres(widths, stamp_ns, frames=(5,))
+    assert smooth_material_lines(some, stamp_ns, frames=(5,)) == [None] * 8
+    widths: list[MaterialLine | None] = [*(centre(0.001) for _ in range(7)), centre(0.001, width_m=0.2)]
+    found = smooth_material_lines(widths, stamp_ns, frames=(5,))
     assert [one is None for one in found] == [False] * 7 + [True]
-    assert smooth_centres([None, None], stamp_ns[:2], frames=(5,)) == [None, None]
+    assert smooth_material_lines([None, None], stamp_ns[:2], frames=(5,)) == [None, None]
 
 
 def test_smoothing_follows_the_order_of_the_stamps_and_lowers_noise() -> None:
     rng = np.random.default_rng(1)
     time_s = 0.0333 * np.arange(60)
     truth_m = 0.01 * np.sin(time_s)
-    seen: list[Centre | None] = [centre(x_m) for x_m in truth_m + rng.normal(0, 0.001, 60)]
+    seen: list[MaterialLine | None] = [centre(x_m) for x_m in truth_m + rng.normal(0, 0.001, 60)]
     stamp_ns = np.rint(1e9 * time_s).astype(np.int64)
     shuffled = rng.permutation(60)
-    mixed: list[Centre | None] = [seen[index] for index in shuffled]
-    straight = smooth_centres(seen, stamp_ns, frames=(5, 9, 13))
-    turned = smooth_centres(mixed, stamp_ns[shuffled], frames=(5, 9, 13))
+    mixed: list[MaterialLine | None] = [seen[index] for index in shuffled]
+    straight = smooth_material_lines(seen, stamp_ns, frames=(5, 9, 13))
+    turned = smooth_material_lines(mixed, stamp_ns[shuffled], frames=(5, 9, 13))
     smooth_m = np.array([one.x_m[0] for one in straight if one is not None])
     assert np.std(smooth_m - truth_m) < 0.0007
     again_m = np.array([one.x_m[0] for one in turned if one is not None])

@@ -21,13 +21,11 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from garment_dataset.arrays import BoolArray, FloatArray, IntArray
+    from garment_dataset.vision.depth.chain import Track
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
     from garment_dataset.vision.depth.profile import Profile
-    from garment_dataset.vision.depth.tracking import Track
 
-    FloatArray = NDArray[np.float64]
-    IntArray = NDArray[np.int64]
-    BoolArray = NDArray[np.bool_]
 
 _ROW_STEP_PX = 2
 """Every second row is looked at: borders of neighbouring rows share their errors."""
@@ -63,7 +61,7 @@ _RASTER_M: FloatArray = 0.02 * np.arange(101, dtype=np.float64)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Centre:
+class MaterialLine:
     """The middle of the sheet in one image, on a raster of 2 cm below the gripper's end point.
 
     Parameters
@@ -81,14 +79,14 @@ class Centre:
     width_m: float
 
 
-def trace_centre(
+def trace_material_line(
     depth_mm: NDArray[np.uint16],
     intrinsics: Intrinsics,
     gripper_m: Point,
     profile: Profile,
     *,
     band_half_width_m: float,
-) -> Centre | None:
+) -> MaterialLine | None:
     """Find the borders of the garment row by row, and their middle.
 
     Parameters
@@ -106,7 +104,7 @@ def trace_centre(
 
     Returns
     -------
-    Centre or None
+    MaterialLine or None
         None when the image does not show a sheet of constant width, whole, in one layer.
     """
     first_px, last_px = intrinsics.cy_px + intrinsics.fy_px * profile.y_m[[0, -1]] / profile.z_m[[0, -1]]
@@ -131,7 +129,7 @@ def trace_centre(
         return None
     x_m, edge_z_m, below_m = x_m[:, good], edge_z_m[:, good], y_m[good] - gripper_m[1]
     heights_m = np.minimum(_RASTER_M, profile.end_y_m - gripper_m[1])
-    return Centre(
+    return MaterialLine(
         _fit(below_m, x_m.mean(axis=0) - gripper_m[0], _X_DEGREE, heights_m),
         _fit(below_m, (edge_z_m[1] - edge_z_m[0]) / (x_m[1] - x_m[0]), _LEAN_DEGREE, heights_m),
         usual_m,
@@ -173,14 +171,14 @@ def _fit(below_m: FloatArray, values: FloatArray, degree: int, raster_m: FloatAr
     return np.asarray(polynomial(raster_m), np.float64)
 
 
-def smooth_centres(
-    centres: Sequence[Centre | None], stamp_ns: IntArray, *, frames: Sequence[int]
-) -> list[Centre | None]:
+def smooth_material_lines(
+    centres: Sequence[MaterialLine | None], stamp_ns: IntArray, *, frames: Sequence[int]
+) -> list[MaterialLine | None]:
     """Smooth the middles of a recording over time; drop them when they are not those of one sheet.
 
     Parameters
     ----------
-    centres : sequence of Centre or None, length T
+    centres : sequence of MaterialLine or None, length T
         On one raster, in any order of their stamps.
     stamp_ns : (T,) int64
         When they were seen.
@@ -189,7 +187,7 @@ def smooth_centres(
 
     Returns
     -------
-    list of Centre or None, length T
+    list of MaterialLine or None, length T
         None where there was none, where the width is not the usual one, and everywhere when less than half are left.
     """
     usual_m = np.median([centre.width_m for centre in centres if centre is not None] or [np.nan])
@@ -198,7 +196,7 @@ def smooth_centres(
         for index, centre in enumerate(centres)
         if centre is not None and abs(centre.width_m - usual_m) <= _WIDTH_TOLERANCE * usual_m
     }
-    smoothed: list[Centre | None] = [None] * len(centres)
+    smoothed: list[MaterialLine | None] = [None] * len(centres)
     if not seen or len(seen) < _LEAST_FRAMES * len(centres):
         return smoothed
     order = sorted(seen, key=lambda index: int(stamp_ns[index]))
@@ -207,16 +205,16 @@ def smooth_centres(
     values = np.stack([np.concatenate([seen[index].x_m, seen[index].lean]) for index in order])
     for index, row in zip(order, adaptive_mean(time_s, values, frames, degree=2)[0], strict=True):
         x_m, lean = np.split(row, 2)
-        smoothed[index] = Centre(x_m, lean, seen[index].width_m)
+        smoothed[index] = MaterialLine(x_m, lean, seen[index].width_m)
     return smoothed
 
 
-def divide_centre(centre: Centre, track: Track, gripper_m: Point, point_count: int) -> FloatArray:
+def divide_material_line(centre: MaterialLine, track: Track, gripper_m: Point, point_count: int) -> FloatArray:
     """Put points in the middles of equal segments of the middle line, (3, r), in the optical frame.
 
     Parameters
     ----------
-    centre : Centre
+    centre : MaterialLine
         Smoothed.
     track : Track
         The profile of the same frame: its heights, and z, which the lean carries over to the middle.

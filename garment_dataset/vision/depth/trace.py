@@ -1,0 +1,227 @@
+"""What the depth frames of a recording show of the garment, by either method: chain, points, or why there are none."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+import numpy as np
+
+from garment_dataset.vision.depth.chain import divide_chain, link_samples, sample_windows
+from garment_dataset.vision.depth.cloud import select_pixels
+from garment_dataset.vision.depth.flat_field import column_offsets, fixed_error_levels, inverse_depth_table
+from garment_dataset.vision.depth.material_line import divide_material_line, smooth_material_lines, trace_material_line
+from garment_dataset.vision.depth.profile import DepthScale, Profile, ProfileSettings, trace_profile
+from garment_dataset.vision.depth.tracking import divide_track, track_profiles
+from garment_dataset.vision.depth.uncertainty import ErrorSources
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping, Sequence
+
+    from garment_dataset.arrays import DepthImage, FloatArray
+    from garment_dataset.vision.depth.chain import Chain, ChainPoints
+    from garment_dataset.vision.depth.cloud import Intrinsics, Point
+    from garment_dataset.vision.depth.material_line import MaterialLine
+
+Reason = Literal["no_gripper", "image_size", "no_pixels", "few_pixels", "gap", "short"]
+"""Why a frame has no points.
+
+``no_gripper``: its end point is not known at this frame. ``image_size``: the image is not of the size that K is for.
+``no_pixels``: none in the band and strip below the gripper. ``few_pixels``: no window with ``min_pixels``, or fewer
+than five rows of cloth. ``gap``: too long a gap right below the gripper. ``short``: a segment of the garment would be
+shorter than a window is high.
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Trace:
+    """What one frame shows of the garment; ``material_m``, (3, r), are points on its material line."""
+
+    chain: Chain | None = None
+    points: ChainPoints | None = None
+    reason: Reason | None = None
+    material_m: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class WindowSettings:
+    """Knobs of the thesis' method: means over windows, each frame alone.
+
+    Parameters
+    ----------
+    point_count : int
+        Points on the garment.
+    band_half_width_m, strip_half_width_m : float
+        Depth and x from the gripper's that are kept, eqs. (5.8) and (5.9).
+    sample_step_m, window_half_height_m : float
+        Distance of the samples along y, and half the height that each averages.
+    max_gap_m : float
+        Longest run of empty samples that is bridged.
+    min_pixels : int
+        A sample of fewer counts as empty.
+    """
+
+    point_count: int
+    band_half_width_m: float
+    strip_half_width_m: float
+    sample_step_m: float
+    window_half_height_m: float
+    max_gap_m: float
+    min_pixels: int
+
+
+@dataclass(frozen=True, slots=True)
+class TrackSettings:
+    """Knobs of the method ``profile``: planes in every frame, smoothed over time.
+
+    Parameters
+    ----------
+    point_count : int
+        Points on the garment.
+    profile : ProfileSettings
+        Of every frame.
+    sample_step_m : float
+        Distance of the samples along y.
+    shortest_m : float
+        A garment that seems shorter gets no points.
+    smoothing_frames : sequence of int
+        Lengths of the parabolas in time.
+    flat_field_frames : int
+        Images from which the fixed errors of the columns are measured, on
+    flat_field_beyond_m : float
+        what is farther than that.
+    gripper_std_m : float
+        Standard uncertainty of the end point's coordinates.
+    """
+
+    point_count: int
+    profile: ProfileSettings
+    sample_step_m: float
+    shortest_m: float
+    smoothing_frames: Sequence[int]
+    flat_field_frames: int
+    flat_field_beyond_m: float
+    gripper_std_m: float
+
+
+def trace_windows(
+    depth_mm: DepthImage, intrinsics: Intrinsics, gripper_m: Point | None, settings: WindowSettings
+) -> Trace:
+    """Select pixels, average them into samples, link these to a chain, and divide it.
+
+    Parameters
+    ----------
+    depth_mm : (H, W) uint16
+        Depth image in millimetres; 0 means no return.
+    intrinsics : Intrinsics
+        Of this image.
+    gripper_m : (x, y, z) or None
+        End point of the gripper in the optical frame; None when it is not known.
+    settings : WindowSettings
+        See there.
+    """
+    if gripper_m is None:
+        return Trace(reason="no_gripper")
+    step_m, half_height_m = settings.sample_step_m, settings.window_half_height_m
+    cloud = select_pixels(
+        depth_mm,
+        intrinsics,
+        gripper_m,
+        band_half_width_m=settings.band_half_width_m,
+        strip_half_width_m=settings.strip_half_width_m,
+    )
+    if cloud.z_mm.size == 0:
+        return Trace(reason="no_pixels")
+    samples = sample_windows(cloud, gripper_m[1], step_m=step_m, half_height_m=half_height_m)
+    chain = link_samples(
+        samples, gripper_m, step_m=step_m, max_gap_m=settings.max_gap_m, min_pixels=settings.min_pixels
+    )
+    if chain.pixels.size == 0:
+        return Trace(reason="gap" if chain.ends_at_gap else "few_pixels")
+    window_m = 2 * half_height_m
+    if chain.length_m < settings.point_count * window_m:
+        return Trace(chain, reason="short")
+    points = divide_chain(chain, intrinsics, point_count=settings.point_count, step_m=step_m, window_m=window_m)
+    return Trace(chain, points)
+
+
+def trace_profiles(
+    images: Iterable[tuple[int, DepthImage | None]],
+    stamps_ns: Mapping[int, int],
+    intrinsics: Intrinsics,
+    grippers_m: Mapping[int, Point],
+    settings: TrackSettings,
+) -> dict[int, Trace]:
+    """Trace the profile in every image, smooth the profiles over time, and divide them.
+
+    Parameters
+    ----------
+    images : iterable of (int, (H, W) uint16 or None)
+        Frame and its depth in millimetres, None for an image of the wrong size. Iterated twice, so
+        no iterator.
+    stamps_ns : mapping
+        Stamp by frame.
+    intrinsics : Intrinsics
+        Of the images.
+    grippers_m : mapping
+        End point of the gripper by frame, where it is known.
+    settings : TrackSettings
+        See there.
+    """
+    scale, fixed_levels = _measure_scale(images, list(stamps_ns), settings)
+    traces: dict[int, Trace] = {}
+    profiles: dict[int, Profile] = {}
+    lines: list[MaterialLine | None] = []
+    for frame, depth_mm in images:
+        if depth_mm is None:
+            traces[frame] = Trace(reason="image_size")
+        elif (gripper_m := grippers_m.get(frame)) is None:
+            traces[frame] = Trace(reason="no_gripper")
+        else:
+            found = trace_profile(depth_mm, intrinsics, gripper_m, scale, settings.profile)
+            if isinstance(found, Profile):
+                profiles[frame] = found
+                band_m = settings.profile.band_half_width_m
+                lines.append(trace_material_line(depth_mm, intrinsics, gripper_m, found, band_half_width_m=band_m))
+                traces[frame] = Trace()
+            else:
+                traces[frame] = Trace(reason=found)
+    if not profiles:
+        return traces
+    sources = ErrorSources(fixed_levels, settings.gripper_std_m, settings.profile.windows_px[-1])
+    frames = list(profiles)
+    tracked_ns = np.array([stamps_ns[frame] for frame in frames], np.int64)
+    tracks = track_profiles(
+        list(profiles.values()),
+        tracked_ns,
+        np.array([grippers_m[frame] for frame in frames]),
+        step_m=settings.sample_step_m,
+        frames=settings.smoothing_frames,
+    )
+    lines = smooth_material_lines(lines, tracked_ns, frames=settings.smoothing_frames)
+    for frame, track, line in zip(frames, tracks, lines, strict=True):
+        if track.chain.length_m < settings.shortest_m:
+            traces[frame] = Trace(track.chain, reason="short")
+            continue
+        count, gripper_m = settings.point_count, grippers_m[frame]
+        points = divide_track(track, gripper_m, intrinsics, point_count=count, sources=sources)
+        material_m = None if line is None else divide_material_line(line, track, gripper_m, count)
+        traces[frame] = Trace(track.chain, points, material_m=material_m)
+    return traces
+
+
+def _measure_scale(
+    images: Iterable[tuple[int, DepthImage | None]], frames: Sequence[int], settings: TrackSettings
+) -> tuple[DepthScale, FloatArray | None]:
+    """Measure on some images what the columns add to inverse depth; return it with the error that is left, by column.
+
+    That error is known of an OpenNI sensor alone.
+    """
+    chosen = set(frames[:: max(len(frames) // settings.flat_field_frames, 1)])
+    some = [np.array(depth_mm) for frame, depth_mm in images if frame in chosen and depth_mm is not None]
+    table, is_openni = inverse_depth_table(some)
+    if not is_openni:
+        return DepthScale(table), None
+    offset = column_offsets(some, table, beyond_m=settings.flat_field_beyond_m)
+    window_px = 2.0 * settings.profile.windows_px[-1][0]
+    return DepthScale(table, offset), fixed_error_levels(offset, window_px, some[0].shape[1])
