@@ -57,7 +57,7 @@ class Result:
     stage, subject : str
         What was run, and for which subject.
     partition : str
-        Where under a table's folder it is published, such as ``garment=A/holding=B``; may be empty.
+        Where under a table's folder it is published, such as ``kind=a/side=b``; may be empty.
     outputs : mapping of str to StoredOutput
         By table name.
     facts : mapping

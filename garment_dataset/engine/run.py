@@ -287,6 +287,7 @@ class Run:
             for table, written in ended.outputs.items()
         }
         result = Result(task.key, node.stage.name, node.subject, node.partition, outputs, task.facts, ended.notes)
+        self._results[result.key] = result
         with self._store.index.transaction():
             self._store.index.add_result(result)
             self._store.publish(result, node.variant)

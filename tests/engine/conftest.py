@@ -6,7 +6,7 @@ import importlib
 import sys
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 
@@ -15,7 +15,7 @@ from garment_dataset.engine.code import CodeCache
 from garment_dataset.engine.events import Event, Report
 from garment_dataset.engine.executors import Pool, local_executor
 from garment_dataset.engine.graph import Graph, Node, NodeId
-from garment_dataset.engine.plan import Plan, State, make_plan
+from garment_dataset.engine.plan import Plan, make_plan
 from garment_dataset.engine.run import Options, Run
 from garment_dataset.engine.store import Store
 from garment_dataset.engine.table import Column, Label
@@ -136,7 +136,7 @@ class Toy:
     """A toy project in a folder of its own."""
 
     root: Path
-    params: dict[str, dict[str, object]] = field(default_factory=dict)
+    params: dict[str, dict[str, Any]] = field(default_factory=dict)
 
     @property
     def private_dir(self) -> Path:
@@ -214,7 +214,8 @@ class Toy:
                     emit=events.append,
                 )
                 report = run.finish()
-                assert len(events) + plan.counts()[State.FRESH] * (not options.forced) == len(graph)
+                assert set(report.events) == {node.id for node in graph}
+                assert set(events) <= set(report.events.values())
         finally:
             store.close()
         return plan, report
