@@ -1,24 +1,30 @@
 """Names of array types, for annotations: what a function takes and gives, by element.
 
-Imported by type checkers alone, so that naming a type loads nothing.
+The names are only text when the program runs: importing them loads nothing.
 """
 
 from __future__ import annotations
 
-import numpy as np
-from numpy.typing import NDArray
+from typing import TYPE_CHECKING, TypeAlias
 
-FloatArray = NDArray[np.float64]
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+FloatArray: TypeAlias = "NDArray[np.float64]"
 """Measured quantities."""
 
-IntArray = NDArray[np.int64]
+IntArray: TypeAlias = "NDArray[np.int64]"
 """Counts, indices, and stamps in ns."""
 
-BoolArray = NDArray[np.bool_]
-"""Masks."""
+BoolArray: TypeAlias = "NDArray[np.bool_]"
+"""Masks, and other answers yes or no."""
 
-DepthImage = NDArray[np.uint16]
-"""(H, W), millimetres along the optical axis; 0 means no return."""
+ByteMask: TypeAlias = "NDArray[np.uint8]"
+"""(H, W), a mask as OpenCV takes it: 0 is outside."""
 
-ColorImage = NDArray[np.uint8]
+ColorImage: TypeAlias = "NDArray[np.uint8]"
 """(H, W, 3), red, green, blue."""
+
+DepthImage: TypeAlias = "NDArray[np.uint16]"
+"""(H, W), millimetres along the optical axis; 0 means no return."""

@@ -21,7 +21,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "catalog": {"errors", "layout"},
     "bags": {"errors"},
     "stages": {"arrays", "bags", "engine", "errors", "vision"},
-    "features": {"engine", "errors", "layout"},
+    "features": {"arrays", "engine", "errors", "layout"},
     "workspace": {"catalog", "engine", "errors", "layout", "stages"},
     "score": {"arrays", "errors", "features", "layout", "vision"},
     "view": {"bags", "catalog", "errors", "features", "layout"},

@@ -135,7 +135,7 @@ def png(mask: np.ndarray[Any, np.dtype[np.bool_]]) -> bytes:
     return bytes(data.tobytes())
 
 
-def colour_tables(*, shift_px: int) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
+def color_tables(*, shift_px: int) -> tuple[pd.DataFrame, pd.DataFrame, pd.DataFrame]:
     """Return silhouettes, curves and truth of a bar of 10 by 40 pixels."""
     mask = np.zeros((60, 80), np.bool_)
     mask[10:50, 30:40] = True
@@ -161,7 +161,7 @@ def colour_tables(*, shift_px: int) -> tuple[pd.DataFrame, pd.DataFrame, pd.Data
 
 
 def test_silhouettes_moved_by_a_fifth_of_their_width() -> None:
-    silhouettes, curves, truth = colour_tables(shift_px=2)
+    silhouettes, curves, truth = color_tables(shift_px=2)
     row = score_silhouettes([silhouette_errors(silhouettes, curves, truth)], NAME)
     assert (row.expected, row.coverage) == (2, 1)
     assert row.iou_mean == pytest.approx(8 / 12)
@@ -172,7 +172,7 @@ def test_silhouettes_moved_by_a_fifth_of_their_width() -> None:
 
 
 def test_missing_silhouettes_lower_coverage() -> None:
-    silhouettes, curves, truth = colour_tables(shift_px=0)
+    silhouettes, curves, truth = color_tables(shift_px=0)
     silhouettes.loc[1, "mask"] = None
     row = score_silhouettes([silhouette_errors(silhouettes, curves, truth)], NAME)
     assert (row.coverage, row.iou_mean) == (0.5, 1)

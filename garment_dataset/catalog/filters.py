@@ -79,6 +79,8 @@ def terms_of(filters: Mapping[str, object]) -> tuple[str, ...]:
 
 
 def _written(value: object) -> str:
+    if (as_list := getattr(value, "tolist", None)) is not None:
+        value = as_list()  # numpy and pandas
     if isinstance(value, Sequence | set | frozenset) and not isinstance(value, str | bytes):
         return ",".join(sorted(map(_written, value)))
     if isinstance(value, bool):

@@ -7,7 +7,7 @@ import warnings
 
 import typer
 
-from garment_dataset.cli import build, catalog, mask, score, simulate, workspace
+from garment_dataset.cli import build, catalog, diff, mask, new, score, simulate, workspace
 from garment_dataset.cli.output import say, show_warning
 from garment_dataset.errors import GarmentError
 
@@ -27,9 +27,11 @@ app.command("build")(build.build)
 app.command("status")(build.status)
 app.command("why")(build.why)
 app.command("dag")(build.dag)
+app.command("diff")(diff.diff)
 app.command("mask")(mask.mask)
 app.command("simulate")(simulate.simulate)
 app.command("score")(score.score)
+app.add_typer(new.app, name="new")
 
 
 def main() -> None:

@@ -43,6 +43,7 @@ _SILHOUETTE_COLUMNS = [
     "95 % [px]",
     "material line [px]",
 ]
+_TABLE_COLUMNS = ["recording", "table", "column", "expected", "coverage", "rms", "median", "95 %", "(error/std)²"]
 
 
 def score(
@@ -53,17 +54,19 @@ def score(
     truth: Annotated[
         Path, typer.Argument(exists=True, file_okay=False, help="Folder with *.truth folders.", metavar="TRUTH")
     ],
+    variant: Annotated[str, typer.Option("--variant", help="Which variant; by default the one without a name.")] = "",
     as_json: JsonOption = False,
 ) -> None:
     """Compare features of simulated recordings with their truth."""
     from garment_dataset.score.recordings import score as score_recordings
 
-    scores = score_recordings(features, truth)
+    scores = score_recordings(features, truth, variant)
     if as_json:
         print_json(
             {
                 "points": [row.record() for row in scores.points],
                 "silhouettes": [row.record() for row in scores.silhouettes],
+                "tables": [row.record() for row in scores.tables],
             }
         )
         return
@@ -71,6 +74,8 @@ def score(
         print_table(_POINT_COLUMNS, [_point_cells(row) for row in scores.points], title="Points")
     if scores.silhouettes:
         print_table(_SILHOUETTE_COLUMNS, [_silhouette_cells(row) for row in scores.silhouettes], title="Silhouettes")
+    if scores.tables:
+        print_table(_TABLE_COLUMNS, [list(row.record().values()) for row in scores.tables], title="Other tables")
 
 
 def _point_cells(row: PointScore) -> list[object]:

@@ -1,1 +1,1 @@
-"""The cached graph of stages: keys, fingerprints, store, plan and run. It knows subjects and sources, and nothing of what they are."""
+"""The cached graph of stages: keys, fingerprints, store, plan, run; of subjects and sources, whatever they are."""

@@ -11,6 +11,10 @@ if TYPE_CHECKING:
     from types import ModuleType
 
 
+HOMES: set[str] = set()
+"""The folders that modules were imported from; at any time one of them is on Python's path."""
+
+
 def load_module(name: str, home: Path | None) -> ModuleType:
     """Import a module.
 
@@ -28,8 +32,9 @@ def load_module(name: str, home: Path | None) -> ModuleType:
             if loaded is not None and not _lies_in(loaded, home):
                 _forget(other)
         if str(home) not in sys.path:
-            sys.path.append(str(home))
+            sys.path[:] = [path for path in sys.path if path not in HOMES] + [str(home)]
             importlib.invalidate_caches()
+        HOMES.add(str(home))
     return importlib.import_module(name)
 
 

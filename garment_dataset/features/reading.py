@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
 from garment_dataset.errors import FilterError, StoreError
@@ -15,9 +16,40 @@ if TYPE_CHECKING:
     import pyarrow.dataset as ds
 
 PARTITIONS = ("garment", "holding")
+_VARIANT = "variant="
 
 
-def open_features(table: str, *, folder: Path | None = None) -> ds.Dataset:
+def variants_of(folder: Path) -> list[str]:
+    """Return the names of the variants whose results lie in a features folder; the usual one has none."""
+    return sorted(path.name.removeprefix(_VARIANT) for path in folder.glob(f"{_VARIANT}*") if path.is_dir())
+
+
+def variant_folder(folder: Path, variant: str) -> Path:
+    """Return where the tables of a variant lie in a features folder.
+
+    Raises
+    ------
+    StoreError
+        If there is no such variant.
+    """
+    if not variant:
+        return folder
+    if variant not in (known := variants_of(folder)):
+        raise StoreError(
+            f"no variant {variant!r}",
+            where=folder,
+            expected=f"one of {known}" if known else "a pipeline file with `variant`",
+            hint="`garment build` makes it.",
+        )
+    return folder / f"{_VARIANT}{variant}"
+
+
+def tables_in(folder: Path) -> list[str]:
+    """Return the tables of which there are results in the folder of a variant."""
+    return sorted(path.name for path in folder.glob("*") if path.is_dir() and not path.name.startswith((_VARIANT, ".")))
+
+
+def open_features(table: str, *, folder: Path | None = None, variant: str = "") -> ds.Dataset:
     """Return all files of a table as one Arrow dataset, the partition keys, if it has any, as text columns.
 
     Parameters
@@ -26,19 +58,21 @@ def open_features(table: str, *, folder: Path | None = None) -> ds.Dataset:
         Name of the table, such as ``points``.
     folder : Path, optional
         The features folder; by default that of the workspace at or above the current folder.
+    variant : str
+        Whose results; by default those of the pipelines without a variant.
 
     Raises
     ------
     StoreError
-        If nothing was built for this table.
+        If nothing was built for this table, or there is no such variant.
     """
     import pyarrow as pa
     import pyarrow.dataset as ds
 
-    root = _features_folder(folder)
+    root = variant_folder(_features_folder(folder), variant)
     files = sorted(str(path) for path in (root / table).glob("**/*.parquet") if not path.name.startswith("."))
     if not files:
-        built = sorted(path.name for path in root.glob("*") if path.is_dir())
+        built = tables_in(root)
         raise StoreError(
             f"no files of table {table!r}",
             where=root,
@@ -51,7 +85,13 @@ def open_features(table: str, *, folder: Path | None = None) -> ds.Dataset:
     return ds.dataset(files, schema=schema, partitioning=partitioning, partition_base_dir=str(root / table))
 
 
-def load_features(table: str, *, folder: Path | None = None, **filters: Any) -> pd.DataFrame:  # noqa: ANN401
+def load_features(
+    table: str,
+    *,
+    folder: Path | None = None,
+    variant: str = "",
+    **filters: Any,  # noqa: ANN401
+) -> pd.DataFrame:
     """Return a table as a DataFrame; ``frame.attrs["units"]`` says the unit of every column.
 
     Parameters
@@ -60,25 +100,28 @@ def load_features(table: str, *, folder: Path | None = None, **filters: Any) -> 
         Name of the table, such as ``kinematics``.
     folder : Path, optional
         The features folder; by default that of the workspace at or above the current folder.
+    variant : str
+        Whose results; by default those of the pipelines without a variant.
     **filters : value or sequence of values
-        Columns and what they must equal: ``garment="GreenTowel"``, ``recording=[...]``, ``point=[1, 2]``.
+        Columns and what they must equal: ``garment="GreenTowel"``, ``recording=[...]``, ``point=[1, 2]``, also as an
+        array, a Series or a range; None asks for nulls.
 
     Raises
     ------
     StoreError
         If nothing was built for this table.
     FilterError
-        If a filter names no column.
+        If a filter names no column, or its values are of another type than the column.
     """
     import pyarrow.dataset as ds
 
-    dataset = open_features(table, folder=folder)
+    dataset = open_features(table, folder=folder, variant=variant)
     condition = None
     for name, wanted in filters.items():
         if name not in dataset.schema.names:
             raise FilterError(f"{name!r} is no column", where=table, expected=f"one of {dataset.schema.names}")
-        values = wanted if isinstance(wanted, list | tuple | set | frozenset) else [wanted]
-        term = ds.field(name).isin(list(values))
+        values = _wanted_values(wanted, dataset.schema.field(name), table)
+        term = ds.field(name).isin(values)
         condition = term if condition is None else condition & term
     found = dataset.to_table(filter=condition)
     frame = _to_frame(found)
@@ -87,6 +130,22 @@ def load_features(table: str, *, folder: Path | None = None, **filters: Any) -> 
         field.name: text for field in found.schema if (text := _metadata(field, b"description"))
     }
     return frame
+
+
+def _wanted_values(wanted: Any, field: pa.Field[Any], table: str) -> pa.Array[Any]:  # noqa: ANN401
+    """Return the values of a filter in the type of its column."""
+    import pyarrow as pa
+
+    if hasattr(wanted, "tolist"):
+        wanted = wanted.tolist()  # numpy and pandas
+    is_one = isinstance(wanted, str | bytes) or not isinstance(wanted, Iterable)
+    values = [wanted] if is_one else list(wanted)
+    try:
+        array: pa.Array[Any] = pa.array(values, field.type)
+    except (pa.ArrowInvalid, pa.ArrowTypeError, pa.ArrowNotImplementedError, OverflowError) as error:
+        where = f"{table}.{field.name}"
+        raise FilterError("values of another type", where=where, expected=field.type, found=repr(wanted)) from error
+    return array
 
 
 def result_params(table: str, recording: str, *, folder: Path | None = None) -> dict[str, Any]:

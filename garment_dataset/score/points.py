@@ -16,10 +16,8 @@ if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
     import pandas as pd
-    from numpy.typing import NDArray
 
-    from garment_dataset.arrays import BoolArray, FloatArray
-
+    from garment_dataset.arrays import BoolArray, FloatArray, IntArray
 
 Line = Literal["surface", "material"]
 _KEYS = ["frame", "point"]
@@ -42,7 +40,7 @@ class PointErrors:
         The same of the velocity.
     """
 
-    point: NDArray[np.int64]
+    point: IntArray
     expected: BoolArray
     position_m: FloatArray
     std_m: FloatArray

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from garment_dataset.errors import StoreError
-from garment_dataset.features.reading import load_features
+from garment_dataset.features.reading import load_features, tables_in, variant_folder
 from garment_dataset.score.points import PointErrors, join_errors, point_errors, score_errors
 from garment_dataset.score.silhouettes import SilhouetteErrors, score_silhouettes, silhouette_errors
+from garment_dataset.score.tables import score_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -18,10 +19,13 @@ if TYPE_CHECKING:
 
     from garment_dataset.score.points import Line, PointScore
     from garment_dataset.score.silhouettes import SilhouetteScore
+    from garment_dataset.score.tables import ColumnScore
 
 POOLED = "all"
 LINES: tuple[Line, ...] = ("surface", "material")
 _SUFFIX = ".truth"
+_SCORED = frozenset({"points", "kinematics", "silhouettes", "central_curves"})
+"""Tables whose errors are more than differences of columns."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +34,10 @@ class Scores:
 
     points: tuple[PointScore, ...]
     silhouettes: tuple[SilhouetteScore, ...]
+    tables: tuple[ColumnScore, ...] = ()
 
 
-def score(features: Path, truth: Path) -> Scores:
+def score(features: Path, truth: Path, variant: str = "") -> Scores:
     """Score every recording that has both features and truth.
 
     Parameters
@@ -41,6 +46,8 @@ def score(features: Path, truth: Path) -> Scores:
         A features folder, or a workspace.
     truth : Path
         Folder that holds, at any depth, ``<recording>.truth`` folders.
+    variant : str
+        Which results; by default those of the pipelines without a variant.
 
     Raises
     ------
@@ -52,13 +59,14 @@ def score(features: Path, truth: Path) -> Scores:
         raise StoreError(
             "no truth", where=truth, expected="<recording>.truth", hint="`garment simulate` writes it beside each bag."
         )
-    folder = features_folder(features)
+    folder = variant_folder(features_folder(features), variant)
     points = _point_scores(folder, folders)
     silhouettes = _silhouette_scores(folder, folders)
-    if not points and not silhouettes:
+    tables = _table_scores(folder, folders)
+    if not points and not silhouettes and not tables:
         found = ", ".join(folders)
         raise StoreError("no features of a recording with truth", where=folder, found=f"truth of {found}")
-    return Scores(tuple(points), tuple(silhouettes))
+    return Scores(tuple(points), tuple(silhouettes), tuple(tables))
 
 
 def features_folder(path: Path) -> Path:
@@ -73,7 +81,8 @@ def features_folder(path: Path) -> Path:
 def _point_scores(features: Path, truth: Mapping[str, Path]) -> list[PointScore]:
     import pandas as pd
 
-    points, kinematics = _tables(features, "points", truth), _tables(features, "kinematics", truth)
+    known = {name: folder for name, folder in truth.items() if (folder / "points.parquet").is_file()}
+    points, kinematics = _tables(features, "points", known), _tables(features, "kinematics", known)
     lines = {name: pd.read_parquet(truth[name] / "points.parquet") for name in points}
     rows = []
     for line in LINES:
@@ -90,13 +99,28 @@ def _point_scores(features: Path, truth: Mapping[str, Path]) -> list[PointScore]
 def _silhouette_scores(features: Path, truth: Mapping[str, Path]) -> list[SilhouetteScore]:
     import pandas as pd
 
-    silhouettes, curves = _tables(features, "silhouettes", truth), _tables(features, "central_curves", truth)
+    known = {name: folder for name, folder in truth.items() if (folder / "color.parquet").is_file()}
+    silhouettes, curves = _tables(features, "silhouettes", known), _tables(features, "central_curves", known)
     errors: dict[str, SilhouetteErrors] = {
         name: silhouette_errors(table, curves.get(name), pd.read_parquet(truth[name] / "color.parquet"))
         for name, table in silhouettes.items()
     }
     rows = [score_silhouettes([own], name) for name, own in errors.items()]
     return rows + ([score_silhouettes(list(errors.values()), POOLED)] if len(errors) > 1 else [])
+
+
+def _table_scores(features: Path, truth: Mapping[str, Path]) -> list[ColumnScore]:
+    """Score the tables of other stages of which there is truth."""
+    import pandas as pd
+
+    rows: list[ColumnScore] = []
+    for table in tables_in(features):
+        known = {name: path for name, folder in truth.items() if (path := folder / f"{table}.parquet").is_file()}
+        if table in _SCORED or not known:
+            continue
+        for name, own in _tables(features, table, known).items():
+            rows += score_table(name, table, own, pd.read_parquet(known[name]))
+    return rows
 
 
 def _tables(features: Path, table: str, truth: Mapping[str, Path]) -> dict[str, pd.DataFrame]:

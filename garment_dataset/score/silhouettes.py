@@ -15,9 +15,8 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     import pandas as pd
-    from numpy.typing import NDArray
 
-    from garment_dataset.arrays import FloatArray
+    from garment_dataset.arrays import BoolArray, FloatArray
 
 
 @dataclass(frozen=True, slots=True)
@@ -143,7 +142,7 @@ def distance_to_line(points_px: FloatArray, line_px: FloatArray) -> FloatArray:
     return distance
 
 
-def _below(mask: NDArray[np.bool_], gripper_v_px: float | None) -> NDArray[np.bool_]:
+def _below(mask: BoolArray, gripper_v_px: float | None) -> BoolArray:
     """Return a mask without the rows above the gripper's end point."""
     first = 0 if gripper_v_px is None or np.isnan(gripper_v_px) else max(int(np.ceil(gripper_v_px)), 0)
     below = mask.copy()
@@ -151,13 +150,13 @@ def _below(mask: NDArray[np.bool_], gripper_v_px: float | None) -> NDArray[np.bo
     return below
 
 
-def _iou(found: NDArray[np.bool_], truth: NDArray[np.bool_]) -> float:
+def _iou(found: BoolArray, truth: BoolArray) -> float:
     """Return intersection over union."""
     either = (found | truth).sum()
     return float((found & truth).sum() / either) if either else float("nan")
 
 
-def _midline(mask: NDArray[np.bool_]) -> FloatArray:
+def _midline(mask: BoolArray) -> FloatArray:
     """Return the central curve of a mask's largest region, (k, 2); cuts are a pixel apart."""
     region = largest_component(mask.view(np.uint8)).astype(bool)
     if not region.any():

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
     from pathlib import Path
 
-    import numpy as np
     import pyarrow as pa
     from numpy.typing import NDArray
 
+    from garment_dataset.arrays import DepthImage
     from garment_dataset.bags import Bag
     from garment_dataset.vision.depth.cloud import Intrinsics
     from garment_dataset.vision.depth.trace import Trace, TrackSettings, WindowSettings
@@ -248,7 +248,7 @@ class _Images:
     frames: pa.Table
     shape: tuple[int, int]
 
-    def __iter__(self) -> Iterator[tuple[int, NDArray[np.uint16] | None]]:
+    def __iter__(self) -> Iterator[tuple[int, DepthImage | None]]:
         for image in usable_images(self.bag, self.frames, "depth"):
             depth_mm = image.pixels()
             yield image.index, depth_mm if depth_mm.shape == self.shape else None

@@ -11,10 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from garment_dataset.arrays import FloatArray, IntArray
-
+    from garment_dataset.arrays import BoolArray, FloatArray, IntArray
 
 MEDIAN_STD = 1.2533
 """Standard deviation of a median over that of a mean, of many normal values: sqrt(pi / 2)."""
@@ -172,7 +169,7 @@ def _slope_coefficients(elapsed_s: FloatArray, weight: FloatArray, degree: int) 
     return coefficients
 
 
-def _scatter_m2(elapsed_s: FloatArray, weight: NDArray[np.bool_], away_m: FloatArray, degree: int) -> FloatArray:
+def _scatter_m2(elapsed_s: FloatArray, weight: BoolArray, away_m: FloatArray, degree: int) -> FloatArray:
     """Return the variance of positions (K, n, 3) about their polynomials, (K, 3); 0 where these have to go through."""
     powers, _ = _powers(elapsed_s, weight.astype(np.float64), degree)
     transposed = powers.transpose(0, 2, 1)
@@ -188,6 +185,6 @@ def _powers(elapsed_s: FloatArray, weight: FloatArray, degree: int) -> tuple[Flo
     return weight[:, :, None] * (elapsed_s / half_width_s)[:, :, None] ** np.arange(degree + 1), half_width_s
 
 
-def _found(position_m: FloatArray) -> NDArray[np.bool_]:
-    found: NDArray[np.bool_] = np.logical_and.reduce(np.isfinite(position_m), axis=-1)
+def _found(position_m: FloatArray) -> BoolArray:
+    found: BoolArray = np.logical_and.reduce(np.isfinite(position_m), axis=-1)
     return found

@@ -65,6 +65,8 @@ def draw_graph(catalog: Catalog, pipelines: Sequence[Pipeline], rows: Iterable[C
         for stage in pipeline.stages:
             if isinstance(stage.per, Group):
                 for group in groups_of(members, stage.per, stage.name):
+                    if names.isdisjoint(group.recordings):
+                        continue
                     drawing.add_group(stage, group, pipeline, is_whole=names.issuperset(group.recordings))
     return Drawn(Graph(drawing.nodes.values()), tuple(drawing.partial))
 

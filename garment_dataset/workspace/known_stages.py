@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from garment_dataset.engine.loading import load_stage, modules_of
+from garment_dataset.engine.loading import HOMES, load_stage, modules_of
 from garment_dataset.errors import GarmentError, StageError
 from garment_dataset.stages import STAGES, Stage
 
@@ -128,14 +128,15 @@ def _of_workspace(layout: Layout) -> Iterator[StagePlace]:
                 hint=f"`garment new stage {name}` writes one.",
             )
     for name, path in found.items():
-        _refuse_shadow(name, path)
+        refuse_shadow(name, path)
     for name in layout.stage_modules:
         yield StagePlace(name, name, str(found[name]), layout.stages_dir)
 
 
-def _refuse_shadow(name: str, path: Path) -> None:
+def refuse_shadow(name: str, path: Path) -> None:
     """Refuse a module that is called as another one that Python finds: one of the two would be taken for the other."""
-    elsewhere = [folder for folder in sys.path if Path(folder).resolve() != path.parent.resolve()]
+    own = {*HOMES, str(path.parent)}
+    elsewhere = [folder for folder in sys.path if folder not in own and str(Path(folder).resolve()) not in own]
     spec = None if name in sys.stdlib_module_names else importlib.machinery.PathFinder.find_spec(name, elsewhere)
     if name in sys.stdlib_module_names or (spec is not None and spec.origin is not None):
         found = "a module of Python's own" if spec is None else spec.origin

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
+    from garment_dataset.arrays import BoolArray
 
 _PIXEL_VARIANCE_PX2 = 1.0 / 12.0
 
@@ -50,7 +50,7 @@ class Axes:
         return (u, v) if v > 0 or (v == 0 and u > 0) else (-u, -v)
 
 
-def _raw_sums(mask: NDArray[np.bool_]) -> tuple[int, int, int, int, int, int, int, int]:
+def _raw_sums(mask: BoolArray) -> tuple[int, int, int, int, int, int, int, int]:
     """Sum 1, u, v, u^2, u v, v^2 over a region, about the corner of its bounding box; the corner comes last."""
     u0, v0, width, height = cv2.boundingRect(mask.view(np.uint8))
     u, v = np.arange(width, dtype=np.float64), np.arange(height, dtype=np.float64)
@@ -62,7 +62,7 @@ def _raw_sums(mask: NDArray[np.bool_]) -> tuple[int, int, int, int, int, int, in
     return area, sum_u, sum_v, sum_uu, sum_uv, sum_vv, u0, v0
 
 
-def region_axes(mask: NDArray[np.bool_]) -> Axes:
+def region_axes(mask: BoolArray) -> Axes:
     r"""Measure a region.
 
     Parameters

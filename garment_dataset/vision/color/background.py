@@ -17,7 +17,7 @@ from garment_dataset.errors import PictureError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from garment_dataset.arrays import BoolArray, ColorImage, FloatArray
+    from garment_dataset.arrays import BoolArray, ByteMask, ColorImage, FloatArray
 
 _EXACT_FRAMES = 258  # float32 holds sums of that many squares of bytes exactly: 258 * 255^2 < 2^24
 _DRIFT_ROUNDS = 3
@@ -162,7 +162,7 @@ class Bounds:
         """Return the bounds of a lattice of pixels: see :func:`lattice`."""
         return Bounds(lattice(self.lower, pitch_px), lattice(self.upper, pitch_px))
 
-    def outside(self, frame: ColorImage, drift: NDArray[np.int16]) -> ColorImage:
+    def outside(self, frame: ColorImage, drift: NDArray[np.int16]) -> ByteMask:
         """Mark the pixels of which any channel is outside its bounds.
 
         Parameters

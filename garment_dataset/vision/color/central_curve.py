@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from garment_dataset.vision.color.axes import Axes
     from garment_dataset.vision.color.masks import Border
 
-
 # The eight neighbours (u, v) by direction, in steps of 45 degrees, clockwise as displayed, from the right
 _STEPS = np.array([(1, 0), (1, 1), (0, 1), (-1, 1), (-1, 0), (-1, -1), (0, -1), (1, -1)])
 # Direction of a step, by (du + 1, dv + 1); 8 is no step: the border of a single pixel

@@ -8,17 +8,18 @@ from typing import TYPE_CHECKING
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
 from garment_dataset.errors import PictureError, TableError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from garment_dataset.arrays import BoolArray, ColorImage
+    from numpy.typing import NDArray
+
+    from garment_dataset.arrays import BoolArray, ByteMask
     from garment_dataset.vision.color.background import Background
 
-Border = NDArray[np.int32]
+    Border = NDArray[np.int32]
 
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
@@ -102,12 +103,12 @@ def polygon_mask(polygon: Sequence[tuple[float, float]], height_px: int, width_p
     return mask.view(np.bool_)
 
 
-def square(side_px: int) -> ColorImage:
+def square(side_px: int) -> ByteMask:
     """Return a square structuring element."""
     return np.ones((side_px, side_px), np.uint8)
 
 
-def open_close(mask: ColorImage, open_px: int, close_px: int) -> ColorImage:
+def open_close(mask: ByteMask, open_px: int, close_px: int) -> ByteMask:
     """Open, then close, with squares; all beyond the image counts as background.
 
     Parameters
@@ -131,7 +132,7 @@ def open_close(mask: ColorImage, open_px: int, close_px: int) -> ColorImage:
     return np.asarray(padded[pad : pad + mask.shape[0], pad : pad + mask.shape[1]], np.uint8)
 
 
-def largest_component(mask: ColorImage) -> ColorImage:
+def largest_component(mask: ByteMask) -> ByteMask:
     """Keep the largest 8-connected region; of equal ones the one that begins highest, then furthest left.
 
     Parameters

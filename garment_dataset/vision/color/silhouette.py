@@ -14,13 +14,13 @@ import cv2
 import numpy as np
 
 from garment_dataset.errors import PictureError
-from garment_dataset.vision.color.background import Background, Bounds, DriftEstimator, lattice
+from garment_dataset.vision.color.background import Bounds, DriftEstimator, lattice
 from garment_dataset.vision.color.masks import largest_component, open_close, square
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from garment_dataset.arrays import BoolArray, ColorImage, FloatArray
+    from garment_dataset.arrays import BoolArray, ByteMask, ColorImage, FloatArray
     from garment_dataset.vision.color.background import Background
 
     Box = tuple[slice, slice]
@@ -28,9 +28,9 @@ if TYPE_CHECKING:
 
 Edge = Literal["half_contrast", "threshold"]
 
-_CROSS: ColorImage = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)).astype(np.uint8)
-_SQUARE: ColorImage = np.ones((3, 3), np.uint8)
-_DISC: ColorImage = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5)).astype(np.uint8)
+_CROSS: ByteMask = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)).astype(np.uint8)
+_SQUARE: ByteMask = np.ones((3, 3), np.uint8)
+_DISC: ByteMask = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5)).astype(np.uint8)
 
 # How edges are refined; chosen on rendered garments with an Xtion's noise, blur of 1 to 2 px, motion and texture:
 # with more layers blur matters less and texture more.
@@ -185,7 +185,7 @@ class BackgroundSubtractor:
         )
 
 
-def _without(mask: ColorImage, box: Box, top: int, gripper: BoolArray | None) -> ColorImage:
+def _without(mask: ByteMask, box: Box, top: int, gripper: BoolArray | None) -> ByteMask:
     """Return the mask of a box without what is above row ``top`` of the image, and without the gripper."""
     kept = mask.copy()
     kept[: max(top - box[0].start, 0)] = 0
@@ -194,7 +194,7 @@ def _without(mask: ColorImage, box: Box, top: int, gripper: BoolArray | None) ->
     return kept
 
 
-def _bounding_box(mask: ColorImage, margin_px: int = 0) -> Box:
+def _bounding_box(mask: ByteMask, margin_px: int = 0) -> Box:
     u_px, v_px, width_px, height_px = cv2.boundingRect(mask)
     return (
         slice(max(v_px - margin_px, 0), v_px + height_px + margin_px),
@@ -202,7 +202,7 @@ def _bounding_box(mask: ColorImage, margin_px: int = 0) -> Box:
     )
 
 
-def refine_edges(frame: ColorImage, mean: FloatArray, mask: ColorImage, drift: FloatArray) -> ColorImage:
+def refine_edges(frame: ColorImage, mean: FloatArray, mask: ByteMask, drift: FloatArray) -> ByteMask:
     """Decide the pixels near the edges of a mask by half contrast.
 
     A pixel is garment when its colour is further from the background's than half of what the garment's is nearby. The
@@ -238,7 +238,7 @@ def refine_edges(frame: ColorImage, mean: FloatArray, mask: ColorImage, drift: F
     band = np.flatnonzero(around.view(np.bool_))
     used = np.flatnonzero((around | rim).view(np.bool_))
     distance = np.zeros(coarse.shape, np.uint16)
-    distance.ravel()[used] = _colour_distance(frame, mean, drift, _whole(used, box, mask.shape[1]))
+    distance.ravel()[used] = _color_distance(frame, mean, drift, _whole(used, box, mask.shape[1]))
     contrast = _contrast(distance, core, rim, band)
     clear = contrast >= _MIN_CONTRAST * _FINE
     band = band[clear]
@@ -256,15 +256,15 @@ def _whole(pixels: Indices, box: Box, width: int) -> Indices:
     return np.asarray((rows + box[0].start) * width + columns + box[1].start)
 
 
-def _colour_distance(frame: ColorImage, mean: FloatArray, drift: FloatArray, pixels: Indices) -> FloatArray:
+def _color_distance(frame: ColorImage, mean: FloatArray, drift: FloatArray, pixels: Indices) -> FloatArray:
     """Return the distances of pixels from the background's colour, in parts of a grey level, rounded."""
     # By channel: numpy is slow along an axis of three
-    colour, background = (np.take(image.reshape(-1, 3), pixels, axis=0).T for image in (frame, mean))
-    change = np.subtract(colour, background, order="C") - drift[:, np.newaxis]
+    color, background = (np.take(image.reshape(-1, 3), pixels, axis=0).T for image in (frame, mean))
+    change = np.subtract(color, background, order="C") - drift[:, np.newaxis]
     return np.asarray(np.rint(np.sqrt((change * change).sum(axis=0)) * _FINE), np.float64)
 
 
-def _core(mask: ColorImage) -> ColorImage:
+def _core(mask: ByteMask) -> ByteMask:
     """Mark the pixels below all layers, and those with no neighbour in a deeper layer than their own."""
     layer = peeled = mask
     for element in _PEELING:
@@ -274,7 +274,7 @@ def _core(mask: ColorImage) -> ColorImage:
     return np.asarray(cv2.bitwise_and(deepest, mask), np.uint8)
 
 
-def _contrast(distance: NDArray[np.uint16], core: ColorImage, rim: ColorImage, band: Indices) -> FloatArray:
+def _contrast(distance: NDArray[np.uint16], core: ByteMask, rim: ByteMask, band: Indices) -> FloatArray:
     """Return the mean distance over the rim of the core, around the core pixel nearest to each pixel of the band."""
     sums = cv2.boxFilter(distance * rim, cv2.CV_32F, (3, 3), normalize=False)
     counts = cv2.boxFilter(rim, cv2.CV_32F, (3, 3), normalize=False)

@@ -39,7 +39,7 @@ class Samples:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Chain:
-    """Samples without holes, with the way along them.
+    """Samples without holes, with the arc length along them.
 
     Parameters
     ----------
@@ -82,7 +82,7 @@ class Track:
     top_noise_m : float
         The same of the distance between the gripper's end point and the cloth at its height.
     lean : (k,) float64
-        Lean dz/dx of the sheet.
+        Slope dz/dx of the sheet out of the plane of the profile.
     """
 
     chain: Chain

@@ -17,10 +17,7 @@ from garment_dataset.vision.depth.cloud import COLUMN_BAND_LEVELS, LEVEL_SPACING
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from garment_dataset.arrays import FloatArray
-
+    from garment_dataset.arrays import BoolArray, DepthImage, FloatArray
 
 BAND_WIDTH_PX = 56.0
 """Width of the vertical bands that share an error (measured: 56 px on most cameras, 96 px on some)."""
@@ -69,7 +66,7 @@ def plain_per_m() -> FloatArray:
     return table
 
 
-def inverse_depth_table(frames: Sequence[NDArray[np.uint16]]) -> tuple[FloatArray, bool]:
+def inverse_depth_table(frames: Sequence[DepthImage]) -> tuple[FloatArray, bool]:
     """Return how millimetres are to be read, and whether they come from an OpenNI driver.
 
     Parameters
@@ -94,7 +91,7 @@ def inverse_depth_table(frames: Sequence[NDArray[np.uint16]]) -> tuple[FloatArra
     return (ladder if on_ladder else plain_per_m()), on_ladder
 
 
-def column_offsets(frames: Sequence[NDArray[np.uint16]], table: FloatArray, *, beyond_m: float) -> FloatArray | None:
+def column_offsets(frames: Sequence[DepthImage], table: FloatArray, *, beyond_m: float) -> FloatArray | None:
     """Measure what columns add to inverse depth, on the largest plane that stands still behind the garment.
 
     Parameters
@@ -131,7 +128,7 @@ def column_offsets(frames: Sequence[NDArray[np.uint16]], table: FloatArray, *, b
     return _offsets_from_plane(np.where(plane & used, inverse, np.nan), used)
 
 
-def _static(frames: Sequence[NDArray[np.uint16]], table: FloatArray, beyond_m: float) -> FloatArray:
+def _static(frames: Sequence[DepthImage], table: FloatArray, beyond_m: float) -> FloatArray:
     """Return the mean inverse depth of the pixels that see something far in at least three quarters of the frames."""
     total, count = np.zeros(frames[0].shape), np.zeros(frames[0].shape, np.int64)
     far = min(max(int(1000 * beyond_m), 0), (1 << 16) - 1)
@@ -143,7 +140,7 @@ def _static(frames: Sequence[NDArray[np.uint16]], table: FloatArray, beyond_m: f
     return np.where(often, total / np.maximum(count, 1), np.nan)
 
 
-def _offsets_from_plane(inverse: FloatArray, used: NDArray[np.bool_]) -> FloatArray | None:
+def _offsets_from_plane(inverse: FloatArray, used: BoolArray) -> FloatArray | None:
     """Return the column means about a plane; its slope down the rows is found within columns, robustly."""
     rows = np.arange(inverse.shape[0], dtype=np.float64)[:, None]
     inside = np.isfinite(inverse)

@@ -1,6 +1,6 @@
 """The middle of a sheet shown whole, between its left and right border: an estimate of its material line.
 
-A cloth model's centre line is fixed to the cloth and hangs from the gripper to the farthest point below it. What is
+A cloth model's material line is fixed to the cloth and hangs from the gripper to the farthest point below it. What is
 seen in the plane x = x_gripper is another line as soon as the sheet leans sideways or hangs beside the gripper. Of a
 sheet of constant width that is seen whole, the middle between the borders is that line; of anything else it is not, and
 none is given.
@@ -19,13 +19,10 @@ from garment_dataset.vision.depth.smoothing import adaptive_mean
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
-
-    from garment_dataset.arrays import BoolArray, FloatArray, IntArray
+    from garment_dataset.arrays import BoolArray, DepthImage, FloatArray, IntArray
     from garment_dataset.vision.depth.chain import Track
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
     from garment_dataset.vision.depth.profile import Profile
-
 
 _ROW_STEP_PX = 2
 """Every second row is looked at: borders of neighbouring rows share their errors."""
@@ -80,7 +77,7 @@ class MaterialLine:
 
 
 def trace_material_line(
-    depth_mm: NDArray[np.uint16],
+    depth_mm: DepthImage,
     intrinsics: Intrinsics,
     gripper_m: Point,
     profile: Profile,
@@ -136,9 +133,7 @@ def trace_material_line(
     )
 
 
-def _borders(
-    rows_mm: NDArray[np.uint16], cloth: BoolArray, intrinsics: Intrinsics
-) -> tuple[FloatArray, FloatArray, BoolArray]:
+def _borders(rows_mm: DepthImage, cloth: BoolArray, intrinsics: Intrinsics) -> tuple[FloatArray, FloatArray, BoolArray]:
     """Return x and z of the left and right border, (2, n) each, and the rows in which both can be trusted.
 
     The line from one border to the other is drawn out from where depth is taken to the borders. Where the sheet is
@@ -172,13 +167,13 @@ def _fit(below_m: FloatArray, values: FloatArray, degree: int, raster_m: FloatAr
 
 
 def smooth_material_lines(
-    centres: Sequence[MaterialLine | None], stamp_ns: IntArray, *, frames: Sequence[int]
+    lines: Sequence[MaterialLine | None], stamp_ns: IntArray, *, frames: Sequence[int]
 ) -> list[MaterialLine | None]:
     """Smooth the middles of a recording over time; drop them when they are not those of one sheet.
 
     Parameters
     ----------
-    centres : sequence of MaterialLine or None, length T
+    lines : sequence of MaterialLine or None, length T
         On one raster, in any order of their stamps.
     stamp_ns : (T,) int64
         When they were seen.
@@ -190,14 +185,14 @@ def smooth_material_lines(
     list of MaterialLine or None, length T
         None where there was none, where the width is not the usual one, and everywhere when less than half are left.
     """
-    usual_m = np.median([centre.width_m for centre in centres if centre is not None] or [np.nan])
+    usual_m = np.median([line.width_m for line in lines if line is not None] or [np.nan])
     seen = {
-        index: centre
-        for index, centre in enumerate(centres)
-        if centre is not None and abs(centre.width_m - usual_m) <= _WIDTH_TOLERANCE * usual_m
+        index: line
+        for index, line in enumerate(lines)
+        if line is not None and abs(line.width_m - usual_m) <= _WIDTH_TOLERANCE * usual_m
     }
-    smoothed: list[MaterialLine | None] = [None] * len(centres)
-    if not seen or len(seen) < _LEAST_FRAMES * len(centres):
+    smoothed: list[MaterialLine | None] = [None] * len(lines)
+    if not seen or len(seen) < _LEAST_FRAMES * len(lines):
         return smoothed
     order = sorted(seen, key=lambda index: int(stamp_ns[index]))
     # frames of one stamp are kept apart by a nanosecond each: their polynomials stay solvable
@@ -209,12 +204,12 @@ def smooth_material_lines(
     return smoothed
 
 
-def divide_material_line(centre: MaterialLine, track: Track, gripper_m: Point, point_count: int) -> FloatArray:
-    """Put points in the middles of equal segments of the middle line, (3, r), in the optical frame.
+def divide_material_line(line: MaterialLine, track: Track, gripper_m: Point, point_count: int) -> FloatArray:
+    """Put points in the middles of equal segments of the material line, (3, r), in the optical frame.
 
     Parameters
     ----------
-    centre : MaterialLine
+    line : MaterialLine
         Smoothed.
     track : Track
         The profile of the same frame: its heights, and z, which the lean carries over to the middle.
@@ -224,7 +219,7 @@ def divide_material_line(centre: MaterialLine, track: Track, gripper_m: Point, p
         r.
     """
     _, y_m, z_m = track.chain.position_m
-    x_m, lean = (np.interp(y_m - gripper_m[1], _RASTER_M, values) for values in (centre.x_m, centre.lean))
+    x_m, lean = (np.interp(y_m - gripper_m[1], _RASTER_M, values) for values in (line.x_m, line.lean))
     nodes_m = np.stack([gripper_m[0] + x_m, y_m, z_m + lean * x_m])
     arc_m = np.append(0.0, np.cumsum(np.linalg.norm(np.diff(nodes_m, axis=1), axis=0)))
     wanted_m = (np.arange(point_count) + 0.5) / point_count * arc_m[-1]

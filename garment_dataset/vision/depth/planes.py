@@ -15,7 +15,6 @@ if TYPE_CHECKING:
     from garment_dataset.arrays import BoolArray, FloatArray, IntArray
     from garment_dataset.vision.depth.cloud import Intrinsics
 
-
 _AGREEMENT = 2.0
 """So many standard uncertainties two windows may differ by; the larger one fades out up to one more."""
 

@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from garment_dataset.arrays import DepthImage, FloatArray, IntArray
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
 
-
 _MIN_ROW_PIXELS = 3
 _MIN_ROWS = 5
 _CENTRE_PX = 2
@@ -142,7 +141,7 @@ def trace_profile(
         return "no_pixels"
     masked = np.where(inside, block, np.uint16(0))
     offset = np.zeros(block.shape[1]) if scale.offset_per_m is None else scale.offset_per_m[columns]
-    seen = _Block(masked, lines.start, columns.start, DepthScale(scale.table_per_m, offset))
+    seen = _Block(masked, lines.start, columns.start, scale.table_per_m, offset)
     rows = _gather(seen, intrinsics, gripper_m, settings.jump_m, reach_px)
     below = (rows.v - intrinsics.cy_px) / intrinsics.fy_px * np.nan_to_num(rows.middle_m) >= top_m[1]
     index, ends_at_gap = _linked(np.flatnonzero(rows.filled & below), rows, intrinsics, settings.max_gap_m)
@@ -162,7 +161,8 @@ class _Block:
     masked_mm: DepthImage
     first_row: int
     first_column: int
-    scale: DepthScale
+    table_per_m: FloatArray
+    offset_per_m: FloatArray
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -176,9 +176,7 @@ class _Rows:
 
 def _gather(block: _Block, intrinsics: Intrinsics, gripper_m: Point, jump_m: float, half: int) -> ProfileRows:
     """Collect the pixels of every row that are connected to the profile's column, up to ``half`` columns away."""
-    smooth_mm: DepthImage = cv2.medianBlur(np.ascontiguousarray(block.masked_mm), _MEDIAN_PX).astype(
-        np.uint16, copy=False
-    )
+    smooth_mm = np.asarray(cv2.medianBlur(np.ascontiguousarray(block.masked_mm), _MEDIAN_PX), np.uint16)
     row = np.arange(smooth_mm.shape[0])
     last_column = smooth_mm.shape[1] - 1
     column_px = _profile_column(smooth_mm, intrinsics.cx_px - block.first_column, intrinsics.fx_px, gripper_m)
@@ -194,14 +192,13 @@ def _gather(block: _Block, intrinsics: Intrinsics, gripper_m: Point, jump_m: flo
     connected[:, :half] &= np.logical_and.accumulate(step[:, half - 1 :: -1], axis=1)[:, ::-1]
     connected &= connected[:, half : half + 1]
     connected &= np.abs(own_mm - around_mm) <= 2000 * jump_m
-    inverse = block.scale.table_per_m[own_mm]
+    inverse = block.table_per_m[own_mm]
     weight = (connected & (inverse > 0)).astype(np.float64)
     near = weight[:, half - _CENTRE_PX : half + _CENTRE_PX + 1].any(axis=1)
-    offset = block.scale.offset_per_m
     return ProfileRows(
         v=(row + block.first_row).astype(np.float64),
         weight=weight,
-        inverse=weight * (inverse - (0.0 if offset is None else offset[columns])),
+        inverse=weight * (inverse - block.offset_per_m[columns]),
         shift_px=np.rint(column_px) - column_px,
         column_px=column_px,
         middle_m=np.where(around_mm[:, half] > 0, around_mm[:, half] / 1000, np.nan),

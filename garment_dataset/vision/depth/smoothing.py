@@ -11,7 +11,6 @@ if TYPE_CHECKING:
 
     from garment_dataset.arrays import FloatArray
 
-
 NOISE_FRAMES = 5
 """Length of the fits whose residuals tell the noise."""
 

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from garment_dataset.vision.depth.profile import Profile
     from garment_dataset.vision.depth.uncertainty import ErrorSources
 
-
 _SHAPE_DEGREE = 2
 
 _HOLD_FRAMES = (5, 9, 17, 33, 65, 129, 257)
@@ -76,7 +75,7 @@ def track_profiles(
     end_noise_m = np.hypot(end_noise_m, unrest_m)
     top_m, top_noise_m = _one_series(time_s, shape_m[:, 0], _HOLD_FRAMES if frames else (), 1)
     # the square of a distance is too large by the variance of its noise
-    hold_m = np.sqrt(np.maximum(top_m**2 - top_noise_m**2, 0)) * (np.abs(top_m) < _FARTHEST_HOLD_M)
+    hold_distance_m = np.sqrt(np.maximum(top_m**2 - top_noise_m**2, 0)) * (np.abs(top_m) < _FARTHEST_HOLD_M)
     tracks = [
         _track(
             profiles[i],
@@ -87,7 +86,7 @@ def track_profiles(
                 noise_m[row],
                 end_m[row],
                 end_noise_m[row],
-                hold_m[row],
+                hold_distance_m[row],
                 top_noise_m[row],
             ),
         )
@@ -122,14 +121,17 @@ def _one_series(
 
 
 class _Smoothed(NamedTuple):
-    """One frame's row of the smoothed series, relative to the gripper."""
+    """One frame's row of the smoothed series, relative to the gripper.
+
+    ``hold_distance_m`` is how far the cloth is from the gripper's end point at its height, ``top_noise_m`` its noise.
+    """
 
     raster_m: FloatArray
     z_m: FloatArray
     z_noise_m: FloatArray
     end_m: float
     end_noise_m: float
-    hold_m: float
+    hold_distance_m: float
     top_noise_m: float
 
 
@@ -162,7 +164,7 @@ def _track(profile: Profile, gripper_m: FloatArray, smoothed: _Smoothed) -> Trac
     y_m = np.append(smoothed.raster_m[smoothed.raster_m < end_m - 1e-6], end_m)
     z_m = np.interp(y_m, smoothed.raster_m, smoothed.z_m)
     noise_m = np.interp(y_m, smoothed.raster_m, smoothed.z_noise_m)
-    arc_m = smoothed.hold_m + np.concatenate([[0.0], np.cumsum(_links(y_m, z_m))])
+    arc_m = smoothed.hold_distance_m + np.concatenate([[0.0], np.cumsum(_links(y_m, z_m))])
     nodes_m = profile.y_m - gripper_m[1]
     after = np.clip(np.searchsorted(nodes_m, y_m), 1, nodes_m.size - 1)
     nearest = after - (y_m - nodes_m[after - 1] < nodes_m[after] - y_m)

@@ -15,12 +15,9 @@ from garment_dataset.vision.depth.cloud import level_spacing_m
 from garment_dataset.vision.depth.flat_field import FINE_PATTERN_BLOB_PX, FINE_PATTERN_LEVELS
 
 if TYPE_CHECKING:
-    from numpy.typing import NDArray
-
-    from garment_dataset.arrays import BoolArray, FloatArray
+    from garment_dataset.arrays import BoolArray, FloatArray, IntArray
     from garment_dataset.vision.depth.chain import Chain, Track
     from garment_dataset.vision.depth.cloud import Intrinsics
-
 
 BENT_STD_M = 0.002
 """Standard error of z where cloth is bent across the profile within the smallest windows.
@@ -83,9 +80,9 @@ def point_std_m(
     position_m : (3, r) float64
         Points, and
     arc_m : (r,) float64
-        their places along the way from the gripper's end point.
+        their places along the path from the gripper's end point.
     path_m : ((n,) float64, (3, n) float64)
-        That way: arc length and position of its nodes.
+        That path: arc length and position of its nodes.
     intrinsics : Intrinsics
         Of the image.
     sources : ErrorSources
@@ -109,31 +106,31 @@ def point_std_m(
     chain = track.chain
     nearest = np.clip(np.searchsorted(chain.arc_length_m, arc_m), 1, chain.arc_length_m.size - 1)
     pixels = chain.pixels[nearest]
-    fixed_m = _fixed_std_m(position_m, pixels, intrinsics, sources.fixed_levels)
+    fixed_std_m = _fixed_std_m(position_m, pixels, intrinsics, sources.fixed_levels)
     flat = _flatness(chain.pixels, sources.window_px)
-    bent_m = _bend_std_m(chain, position_m, flat[nearest], sources.window_px[1] / intrinsics.fy_px)
-    ray_m = np.sqrt(track.z_noise_m[nearest] ** 2 + fixed_m**2 + bent_m**2)
+    bent_std_m = _bend_std_m(chain, position_m, flat[nearest], sources.window_px[1] / intrinsics.fy_px)
+    ray_std_m = np.sqrt(track.z_noise_m[nearest] ** 2 + fixed_std_m**2 + bent_std_m**2)
 
     share = arc_m / chain.length_m
-    hem_m = np.hypot(track.end_noise_m, chain.position_m[2, -1] / intrinsics.fy_px / np.sqrt(12))
-    hold_m = np.sqrt(track.top_noise_m**2 + fixed_m[0] ** 2 + sources.gripper_std_m**2)
-    folds_m, on_side = fold_std_m(chain, arc_m, flat)
-    edge_m = EDGE_STD_M * on_side
-    along_m = np.sqrt((share * hem_m) ** 2 + ((1 - share) * hold_m) ** 2 + folds_m**2 + edge_m**2)
+    hem_std_m = np.hypot(track.end_noise_m, chain.position_m[2, -1] / intrinsics.fy_px / np.sqrt(12))
+    hold_std_m = np.sqrt(track.top_noise_m**2 + fixed_std_m[0] ** 2 + sources.gripper_std_m**2)
+    folds_std_m, on_side = fold_std_m(chain, arc_m, flat)
+    edge_std_m = EDGE_STD_M * on_side
+    along_std_m = np.sqrt((share * hem_std_m) ** 2 + ((1 - share) * hold_std_m) ** 2 + folds_std_m**2 + edge_std_m**2)
     moved_along_m = [
         np.stack([np.interp(place_m, path_m[0], axis) for axis in path_m[1]]) - position_m
-        for place_m in (arc_m - along_m, arc_m + along_m)
+        for place_m in (arc_m - along_std_m, arc_m + along_std_m)
     ]
     variance = (moved_along_m[0] ** 2 + moved_along_m[1] ** 2) / 2
     variance[0] += sources.gripper_std_m**2
-    variance[1] += (position_m[1] / position_m[2] * ray_m) ** 2 + edge_m**2
-    variance[2] += ray_m**2 + (track.lean[nearest] * sources.gripper_std_m) ** 2
+    variance[1] += (position_m[1] / position_m[2] * ray_std_m) ** 2 + edge_std_m**2
+    variance[2] += ray_std_m**2 + (track.lean[nearest] * sources.gripper_std_m) ** 2
     std_m: FloatArray = np.sqrt(variance)
     return std_m
 
 
 def _fixed_std_m(
-    position_m: FloatArray, pixels: NDArray[np.int64], intrinsics: Intrinsics, fixed_levels: FloatArray | None
+    position_m: FloatArray, pixels: IntArray, intrinsics: Intrinsics, fixed_levels: FloatArray | None
 ) -> FloatArray:
     """Return the standard error of z that stands still, (r,)."""
     if fixed_levels is None:
@@ -145,7 +142,7 @@ def _fixed_std_m(
     return std_m
 
 
-def _flatness(pixels: NDArray[np.int64], window_px: tuple[int, int]) -> FloatArray:
+def _flatness(pixels: IntArray, window_px: tuple[int, int]) -> FloatArray:
     """Return 1 where windows are larger than half the largest, by their pixels, and towards 0 the smaller they are.
 
     Small windows mean cloth that is bent, narrow, or not seen.
@@ -165,7 +162,7 @@ def _bend_std_m(chain: Chain, position_m: FloatArray, flat: FloatArray, half_hei
     nodes_y_m, nodes_z_m = chain.position_m[1:]
     room_m = np.maximum(np.minimum(y_m - nodes_y_m[0], nodes_y_m[-1] - y_m), 0)
     reach_m = np.minimum(half_height * z_m, room_m)
-    above_m, below_m = (np.interp(y_m + way * reach_m, nodes_y_m, nodes_z_m) for way in (-1, 1))
+    above_m, below_m = (np.interp(y_m + sign * reach_m, nodes_y_m, nodes_z_m) for sign in (-1, 1))
     std_m: FloatArray = np.hypot(flat * (above_m - 2 * z_m + below_m) / 6, (1 - flat) * BENT_STD_M)
     return std_m
 

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 Mask = NDArray[np.bool_]
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float64]
-Colour = tuple[float, float, float]
+Color = tuple[float, float, float]
 
-CLOTH: Colour = (70.0, 120.0, 90.0)
+CLOTH: Color = (70.0, 120.0, 90.0)
 
 
 # What the fast path must equal: eq. (5.3) in float64, every step on the whole frame, with scikit-image
@@ -116,7 +116,7 @@ def test_the_coarse_mask_is_the_plain_one_bit_by_bit(
 # Rendered frames with known edges
 
 
-def noise(rng: np.random.Generator, shape: tuple[int, int], sd: Colour) -> Floats:
+def noise(rng: np.random.Generator, shape: tuple[int, int], sd: Color) -> Floats:
     """Noise as fine as a Bayer mosaic leaves it: 0.67 from pixel to pixel in red and blue, 0.40 in green."""
     white, (v, u) = rng.normal(0, 1, shape), np.indices(shape)
     cross = np.array([[0, 1, 0], [1, 4, 1], [0, 1, 0]]) / 4
@@ -162,28 +162,28 @@ class Camera:
 
     shape = (280, 140)
 
-    def __init__(self, seed: int, sd: Colour, blur_px: float = 1.0) -> None:
+    def __init__(self, seed: int, sd: Color, blur_px: float = 1.0) -> None:
         self.rng, self.sd, self.blur_px = np.random.default_rng(seed), sd, blur_px
         self.scene = empty_scene(self.shape)
         accumulator = BackgroundAccumulator()
         for _ in range(40):
-            accumulator.add(self.shot(self.scene, self.rng.normal(0, 1, 3)))
+            accumulator.add(self.seen(self.scene, self.rng.normal(0, 1, 3)))
         self.background = accumulator.finish()
 
-    def shot(self, image: Floats, drift: Floats) -> Image:
-        seen = blurred(image, self.blur_px) + drift + noise(self.rng, self.shape, self.sd)
-        return np.clip(np.rint(seen), 0, 255).astype(np.uint8)
+    def seen(self, image: Floats, drift: Floats) -> Image:
+        levels = blurred(image, self.blur_px) + drift + noise(self.rng, self.shape, self.sd)
+        return np.clip(np.rint(levels), 0, 255).astype(np.uint8)
 
     def frame(self, covered: Floats, garment: Floats, drift: Floats | None = None) -> Image:
         change = self.rng.normal(0, 3, 3) if drift is None else drift
-        return self.shot(covered[..., None] * garment + (1 - covered[..., None]) * self.scene, change)
+        return self.seen(covered[..., None] * garment + (1 - covered[..., None]) * self.scene, change)
 
 
-def fabric(colour: Colour, *, stripe: float = 0.0, shading: float = 0.0) -> Floats:
+def fabric(color: Color, *, stripe: float = 0.0, shading: float = 0.0) -> Floats:
     """Return the colours of a garment over the whole frame."""
     v, u = np.indices(Camera.shape)
     level = 1 + shading * np.sin(u / 17 + v / 60)
-    return np.asarray(np.clip(level[..., None] * np.array(colour) + stripe * np.sign(np.sin(v / 4))[..., None], 0, 255))
+    return np.asarray(np.clip(level[..., None] * np.array(color) + stripe * np.sign(np.sin(v / 4))[..., None], 0, 255))
 
 
 def overlap(found: Mask, truth: Mask) -> float:
@@ -221,7 +221,7 @@ FABRICS = {
 
 @pytest.mark.parametrize("sd", NOISE.values(), ids=list(NOISE))
 @pytest.mark.parametrize("material", FABRICS.values(), ids=list(FABRICS))
-def test_an_open_garment_is_found_to_its_edges(sd: Colour, material: Floats, towel_coverage: Floats) -> None:
+def test_an_open_garment_is_found_to_its_edges(sd: Color, material: Floats, towel_coverage: Floats) -> None:
     camera = Camera(1, sd)
     coarse, refined = both_masks(camera, camera.frame(towel_coverage, material))
     truth = towel_coverage > 0.5
@@ -231,7 +231,7 @@ def test_an_open_garment_is_found_to_its_edges(sd: Colour, material: Floats, tow
 
 @pytest.mark.parametrize("sd", NOISE.values(), ids=list(NOISE))
 @pytest.mark.parametrize("material", FABRICS.values(), ids=list(FABRICS))
-def test_a_garment_seen_edge_on_is_found_to_its_edges(sd: Colour, material: Floats, strip_coverage: Floats) -> None:
+def test_a_garment_seen_edge_on_is_found_to_its_edges(sd: Color, material: Floats, strip_coverage: Floats) -> None:
     camera = Camera(2, sd)
     coarse, refined = both_masks(camera, camera.frame(strip_coverage, material))
     truth = strip_coverage > 0.5

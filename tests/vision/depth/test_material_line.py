@@ -52,7 +52,7 @@ def sheet(
 
 
 def material(depth_mm: FloatArray, **knobs: Any) -> list[FloatArray | None]:
-    """Return the points on the middle line in equal images."""
+    """Return the points on the material line in equal images."""
     image: Image = np.rint(depth_mm).astype(np.uint16)
     traces = trace_profiles(
         [(frame, image) for frame in range(FRAMES)],
@@ -136,15 +136,15 @@ def test_the_number_of_points_is_a_parameter() -> None:
         np.testing.assert_allclose(points_m[1], GRIPPER_M[1] + LENGTH_M * np.array([0.25, 0.75]), atol=0.0015)
 
 
-def centre(x_m: float, width_m: float = 0.36) -> MaterialLine:
+def line(x_m: float, width_m: float = 0.36) -> MaterialLine:
     return MaterialLine(np.full(101, x_m), np.zeros(101), width_m)
 
 
 def test_what_only_some_frames_show_is_no_sheet() -> None:
     stamp_ns = 33_333_333 * np.arange(8)
-    some = [centre(0.001) if frame < 3 else None for frame in range(8)]
+    some = [line(0.001) if frame < 3 else None for frame in range(8)]
     assert smooth_material_lines(some, stamp_ns, frames=(5,)) == [None] * 8
-    widths: list[MaterialLine | None] = [*(centre(0.001) for _ in range(7)), centre(0.001, width_m=0.2)]
+    widths: list[MaterialLine | None] = [*(line(0.001) for _ in range(7)), line(0.001, width_m=0.2)]
     found = smooth_material_lines(widths, stamp_ns, frames=(5,))
     assert [one is None for one in found] == [False] * 7 + [True]
     assert smooth_material_lines([None, None], stamp_ns[:2], frames=(5,)) == [None, None]
@@ -154,7 +154,7 @@ def test_smoothing_follows_the_order_of_the_stamps_and_lowers_noise() -> None:
     rng = np.random.default_rng(1)
     time_s = 0.0333 * np.arange(60)
     truth_m = 0.01 * np.sin(time_s)
-    seen: list[MaterialLine | None] = [centre(x_m) for x_m in truth_m + rng.normal(0, 0.001, 60)]
+    seen: list[MaterialLine | None] = [line(x_m) for x_m in truth_m + rng.normal(0, 0.001, 60)]
     stamp_ns = np.rint(1e9 * time_s).astype(np.int64)
     shuffled = rng.permutation(60)
     mixed: list[MaterialLine | None] = [seen[index] for index in shuffled]

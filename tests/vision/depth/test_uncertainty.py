@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from garment_dataset.vision.depth.chain import Chain
+from garment_dataset.vision.depth.chain import Chain, Track
 from garment_dataset.vision.depth.cloud import Intrinsics
-from garment_dataset.vision.depth.tracking import Track, divide_track
+from garment_dataset.vision.depth.tracking import divide_track
 from garment_dataset.vision.depth.uncertainty import BENT_STD_M, EDGE_STD_M, FOLD_SHARE, ErrorSources, fold_std_m
 
 if TYPE_CHECKING:
