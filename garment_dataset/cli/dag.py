@@ -55,9 +55,8 @@ def to_mermaid(pipelines: Sequence[Pipeline]) -> str:
         lines += [f"    {name}[({name})] --> {stage.name}" for name in stage.arguments if name in stage.sources]
     for pipeline in pipelines:
         made = producers(pipeline.stages)
-        lines += [
-            f"    {made[table].name} -- {table} --> {stage.name}" for stage in pipeline.stages for table in stage.inputs
-        ]
+        arrows = ((table, stage) for stage in pipeline.stages for table in stage.inputs if table in made)
+        lines += [f"    {made[table].name} -- {table} --> {stage.name}" for table, stage in arrows]
     read = {table for stage in stages.values() for table in stage.inputs}
     for stage in stages.values():
         ends = [output.name for output in stage.outputs if output.name not in read]

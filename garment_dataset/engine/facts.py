@@ -7,12 +7,14 @@ from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.canonical import digest
 from garment_dataset.engine.index import FORMAT
+from garment_dataset.engine.stage import NOTES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from garment_dataset.engine.code import Code
-    from garment_dataset.engine.graph import Node
+    from garment_dataset.engine.graph import Node, NodeId
+    from garment_dataset.engine.index import Result
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,8 +24,8 @@ class Reason:
     Parameters
     ----------
     kind : str
-        ``parameter``, ``code``, ``library``, ``source``, ``input``, ``member``, ``label``, ``output``, ``upstream``,
-        ``failure``, ``absent`` or ``new``.
+        ``parameter``, ``code``, ``library``, ``source``, ``input``, ``member``, ``note``, ``label``, ``output``,
+        ``upstream``, ``failure``, ``absent`` or ``new``.
     name : str
         Which one: a parameter's name, a function's, a table's …
     old, new : str or None
@@ -52,7 +54,9 @@ def member_input(table: str, subject: str) -> str:
 _OF = " of "
 
 
-def node_facts(node: Node, code: Code, inputs: Mapping[str, str | None]) -> dict[str, Any]:
+def node_facts(
+    node: Node, code: Code, inputs: Mapping[str, str | None], notes: Mapping[str, Sequence[str]]
+) -> dict[str, Any]:
     """Return everything that a node's result depends on: the pre-image of its key.
 
     Parameters
@@ -64,8 +68,10 @@ def node_facts(node: Node, code: Code, inputs: Mapping[str, str | None]) -> dict
     inputs : mapping of str to str or None
         Content digests of its sources and input tables, by argument name; of gathered tables by :func:`member_input`,
         None for one that cannot be had.
+    notes : mapping of str to sequence of str
+        What the stages that feed it said, by stage; it counts where the stage takes it.
     """
-    return {
+    facts = {
         "format": FORMAT,
         "stage": node.stage.name,
         "subject": node.subject,
@@ -76,6 +82,13 @@ def node_facts(node: Node, code: Code, inputs: Mapping[str, str | None]) -> dict
         "partition": node.partition,
         "inputs": dict(inputs),
     }
+    return facts | {NOTES: {name: list(said) for name, said in notes.items()}} if node.stage.takes_notes else facts
+
+
+def notes_of(node: Node, results: Mapping[NodeId, Result]) -> dict[str, tuple[str, ...]]:
+    """Return what the nodes that feed one said, by their stage."""
+    found = {feeder.stage: results[feeder].notes for feeder in node.feeders if feeder in results}
+    return dict(sorted(found.items())) if node.stage.takes_notes else {}
 
 
 def node_key(facts: Mapping[str, Any]) -> str:
@@ -98,6 +111,9 @@ def fact_reasons(old: Mapping[str, Any], new: Mapping[str, Any], node: Node, cod
         elif (before := old["inputs"].get(name)) != (now := new["inputs"].get(name)):
             kind = "source" if name in node.stage.sources else "input"
             reasons.append(Reason(kind, name, before and before[:12], now and now[:12]))
+    for stage in sorted({*old.get(NOTES, {}), *new.get(NOTES, {})}):
+        if old.get(NOTES, {}).get(stage) != new.get(NOTES, {}).get(stage):
+            reasons.append(Reason("note", stage, new="it says something else"))
     if old["partition"] != new["partition"]:
         reasons.append(Reason("label", "partition", old["partition"], new["partition"]))
     if old["format"] != new["format"]:

@@ -164,7 +164,7 @@ def producers(stages: Iterable[Stage]) -> dict[str, Stage]:
             made[output.name] = stage
     for stage in known:
         for table in stage.inputs:
-            if table not in made:
+            if table not in made and table not in stage.optional:
                 raise StageError(
                     f"argument {table!r} is no table of any stage",
                     where=stage.name,

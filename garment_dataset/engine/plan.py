@@ -10,8 +10,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.engine.facts import Reason, fact_reasons, member_input, node_facts, node_key
+from garment_dataset.engine.facts import Reason, fact_reasons, member_input, node_facts, node_key, notes_of
 from garment_dataset.engine.sources import SourceStat, stat_source
+from garment_dataset.engine.stage import NOTES
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -181,7 +182,7 @@ class _Planner:
     def _own_reasons(self, old: Mapping[str, Any], node: Node) -> tuple[Reason, ...]:
         """Return how a node differs from a result's facts by itself, its inputs left aside."""
         code = self.codes[node.stage.name]
-        return fact_reasons(old, node_facts(node, code, old["inputs"]), node, code)
+        return fact_reasons(old, node_facts(node, code, old["inputs"], old.get(NOTES, {})), node, code)
 
     def _result_of(self, node_id: NodeId) -> Result | None:
         decision = self.decisions[node_id]
@@ -204,7 +205,8 @@ class _Planner:
                 content = None if self._is_stuck(feeder) else self._content(feeder, table)
                 inputs[member_input(table, feeder.subject)] = content
         code = self.codes[node.stage.name]
-        facts = node_facts(node, code, inputs)
+        fed = {feeder: result for feeder in node.feeders if (result := self._result_of(feeder)) is not None}
+        facts = node_facts(node, code, inputs, notes_of(node, fed))
         key = node_key(facts)
         published = self.known.published.get(node.id)
         found = self.known.results.get(key)

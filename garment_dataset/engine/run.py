@@ -11,10 +11,10 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.events import Ending, Event, Report
-from garment_dataset.engine.facts import member_input, node_facts, node_key
 from garment_dataset.engine.index import Failure, Result, StoredOutput
 from garment_dataset.engine.plan import State
 from garment_dataset.engine.sources import SourceStat, stat_source
+from garment_dataset.engine.tasks import make_task
 from garment_dataset.engine.worker import Success, Task, Trouble, digest_task, run_task
 
 if TYPE_CHECKING:
@@ -159,7 +159,9 @@ class Run:
             if self._digests.get(str(path), (None,))[0] != stat:
                 self._running[self._pool.submit(digest_task, path, stat)] = (node, (path, stat))
                 return
-        task = self._task(node)
+        sources = {name: (path, *self._digests[str(path)]) for name, path in node.sources.items()}
+        code = self._codes[node.stage.name]
+        task = make_task(node, code, sources, self._done, self._store.object_path, self._scratch_dir)
         if self._settled(node, task):
             return
         if task.key in self._twins:
@@ -176,39 +178,6 @@ class Run:
             if not any(feeder in self._done for feeder in members):
                 lacking = lacking or members[0]
         return None if lacking is None else f"{lacking} {self.report.events[lacking].ending}"
-
-    def _task(self, node: Node) -> Task:
-        sources = {name: (path, *self._digests[str(path)]) for name, path in node.sources.items()}
-        digests: dict[str, str | None] = {name: found for name, (_, _, found) in sources.items()}
-        inputs = {table: self._done[feeder].outputs[table] for table, feeder in node.inputs.items()}
-        digests |= {table: output.content for table, output in inputs.items()}
-        gathers: dict[str, dict[str, Path]] = {}
-        notes = []
-        for table, members in node.gathers.items():
-            gathers[table] = {}
-            for feeder in members:
-                output = self._done[feeder].outputs[table] if feeder in self._done else None
-                digests[member_input(table, feeder.subject)] = output and output.content
-                if output is None:
-                    notes.append(f"{feeder.subject} is left out: its {table} cannot be had")
-                else:
-                    gathers[table][feeder.subject] = self._store.object_path(output.file.digest)
-        facts = node_facts(node, self._codes[node.stage.name], digests)
-        return Task(
-            module=node.stage.module,
-            home=node.stage.home,
-            subject=node.subject,
-            partition=node.partition,
-            params=facts["params"],
-            sources={name: (path, stat) for name, (path, stat, _) in sources.items()},
-            inputs={table: self._store.object_path(output.file.digest) for table, output in inputs.items()},
-            gathers=gathers,
-            notes=tuple(notes),
-            labels=node.labels,
-            key=node_key(facts),
-            facts=facts,
-            scratch_dir=self._scratch_dir,
-        )
 
     def _settled(self, node: Node, task: Task) -> bool:
         """Deal with a node that needs no work: fresh, in the store already, or known to fail."""

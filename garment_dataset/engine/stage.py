@@ -18,6 +18,12 @@ if TYPE_CHECKING:
     from garment_dataset.engine.table import TableSpec
 
 
+NOTES = "notes"
+"""Argument that gives a function what the stages that feed it said."""
+
+_NO_INPUTS = frozenset({"params", NOTES})
+
+
 class StageParams(BaseModel):
     """Knobs of a stage: immutable, every one with a default, unknown ones refused."""
 
@@ -33,8 +39,9 @@ class Stage:
     function : callable
         Takes its inputs by name: a table by the table's name (a :class:`pyarrow.Table`; a dict of them, by subject,
         where a node gathers those of several subjects), an external source by the source's name (a
-        :class:`pathlib.Path`), and ``params``. Returns a mapping from output name to table. The function's name is the
-        stage's name.
+        :class:`pathlib.Path`), ``params``, and ``notes``: what the stages that feed it said of data left out, a tuple
+        of texts by stage. A table with a default need not be made by anyone. Returns a mapping from output name to
+        table. The function's name is the stage's name.
     params : type of StageParams
         The knobs, with their defaults.
     outputs : tuple of TableSpec
@@ -63,13 +70,24 @@ class Stage:
 
     @cached_property
     def arguments(self) -> tuple[str, ...]:
-        """The names of what the function takes, ``params`` left out."""
-        return tuple(name for name in inspect.signature(self.function).parameters if name != "params")
+        """The names of the sources and tables that the function takes."""
+        return tuple(name for name in inspect.signature(self.function).parameters if name not in _NO_INPUTS)
+
+    @cached_property
+    def takes_notes(self) -> bool:
+        """Whether the function wants to know what the stages that feed it said."""
+        return NOTES in inspect.signature(self.function).parameters
 
     @property
     def inputs(self) -> tuple[str, ...]:
         """The tables it reads."""
         return tuple(name for name in self.arguments if name not in self.sources)
+
+    @cached_property
+    def optional(self) -> frozenset[str]:
+        """Those of its tables that it can do without."""
+        parameters = inspect.signature(self.function).parameters
+        return frozenset(name for name in self.inputs if parameters[name].default is not inspect.Parameter.empty)
 
     def run(self, arguments: Mapping[str, Any], params: StageParams) -> Mapping[str, pa.Table]:
         """Call the function."""

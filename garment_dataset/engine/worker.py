@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from garment_dataset.engine.errors import DataWarning, ReportedError, SourceError, StageError
 from garment_dataset.engine.loading import load_stage
 from garment_dataset.engine.sources import digest_source, stat_source
+from garment_dataset.engine.stage import NOTES
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -51,6 +52,8 @@ class Task:
         Objects with the tables of several subjects, by input and subject.
     notes : tuple of str
         What is to be kept with the result whatever the stage says.
+    upstream_notes : mapping of str to tuple of str
+        What the stages that feed it said, by stage.
     labels : tuple of Label
         Identity columns and their values.
     key : str
@@ -70,6 +73,7 @@ class Task:
     inputs: Mapping[str, Path]
     gathers: Mapping[str, Mapping[str, Path]]
     notes: tuple[str, ...]
+    upstream_notes: Mapping[str, tuple[str, ...]]
     labels: tuple[Label, ...]
     key: str
     facts: Mapping[str, Any]
@@ -140,6 +144,8 @@ def _run(task: Task) -> tuple[dict[str, Written], tuple[str, ...]]:
     arguments |= {name: read_artifact(path) for name, path in task.inputs.items()}
     for name, paths in task.gathers.items():
         arguments[name] = {subject: read_artifact(path) for subject, path in paths.items()}
+    if stage.takes_notes:
+        arguments[NOTES] = dict(task.upstream_notes)
     with warnings.catch_warnings(record=True) as caught:
         warnings.simplefilter("always", DataWarning)
         tables = stage.run(arguments, stage.params.model_validate(task.params))

@@ -176,7 +176,7 @@ class _Drawing:
         makers = pipeline.makers
         members: dict[str, tuple[NodeId, ...]] = {}
         inputs: dict[str, NodeId] = {}
-        for table in stage.inputs:
+        for table in filter(makers.__contains__, stage.inputs):
             if makers[table].per == stage.per:
                 inputs[table] = NodeId(makers[table].name, group.name, pipeline.file.variant)
             else:
@@ -203,8 +203,9 @@ class _Drawing:
         if self._is_drawn(node_id, pipeline):
             return node_id
         inputs: dict[str, NodeId] = {}
-        for table in stage.inputs:
-            maker = pipeline.makers[table]
+        makers = pipeline.makers
+        for table in filter(makers.__contains__, stage.inputs):
+            maker = makers[table]
             if maker.per == "position":
                 inputs[table] = self._add_position(maker, self._catalog.background(bag.topics_file), pipeline)
             else:
@@ -236,7 +237,8 @@ class _Drawing:
         bag = _Bag(source.source, source.path, source.topics_file, source.labels, source.partition)
         inputs: dict[str, NodeId] = {}
         if source.path is not None:
-            inputs = {table: self._add_bag(pipeline.makers[table], bag, pipeline) for table in stage.inputs}
+            makers = pipeline.makers
+            inputs = {table: self._add_bag(makers[table], bag, pipeline) for table in stage.inputs if table in makers}
         return self._put(
             Node(
                 stage=stage,

@@ -162,6 +162,8 @@ def _refuse_misfits(path: Path, stages: tuple[Stage, ...], known: KnownStages) -
     made = {output.name: stage for stage in stages for output in stage.outputs}
     for stage in stages:
         for table in stage.inputs:
+            if table not in made and table in stage.optional:
+                continue
             if table not in made:
                 makers = [name for name in known.names if table in {output.name for output in known[name].outputs}]
                 raise PipelineError(
