@@ -27,7 +27,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "view": {"bags", "catalog", "errors", "features", "layout"},
     "simulate": {"catalog", "engine", "errors"},
     "cli": {
-        *("catalog", "engine", "errors", "features", "layout", "score", "simulate", "stages", "view", "vision"),
+        *("bags", "catalog", "engine", "errors", "features", "layout", "score", "simulate", "stages", "view"),
+        "vision",
         "workspace",
     },
 }

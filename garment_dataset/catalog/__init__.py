@@ -240,6 +240,15 @@ class Catalog:
         return to_frame(self.select([*terms, *terms_of(filters)]), self.rows)
 
     def topics(self, number: int) -> tuple[str, ...] | None:
-        """Return the topics of a topics file, in order; None when the catalog has no such file."""
+        """Return the topics of a topics file, in order; None when the catalog has no such file.
+
+        Raises
+        ------
+        CatalogError
+            If it is no text in UTF-8.
+        """
         path = self.folder / "topics" / f"{number}.txt"
-        return tuple(path.read_text("utf-8").split()) if path.is_file() else None
+        try:
+            return tuple(path.read_text("utf-8-sig").split()) if path.is_file() else None
+        except (OSError, UnicodeDecodeError) as error:
+            raise CatalogError("cannot be read", where=path, expected="text in UTF-8", found=error) from error

@@ -3,6 +3,7 @@
 A filter is a list of terms:
 
 - ``key=value[,value]`` keeps what has one of the values, ``key!=value[,value]`` what has none of them;
+- ``key<number``, ``<=``, ``>`` and ``>=`` keep what is known to be so;
 - anything else is a glob on the recording's name: ``'GreenTowel_Ruler_*'``.
 
 Terms of different keys must all hold; of several terms on one key, or several globs, one suffices. A text value may be
@@ -14,6 +15,7 @@ from __future__ import annotations
 
 import difflib
 import math
+import operator
 import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from fnmatch import translate
@@ -31,7 +33,13 @@ Predicate = Callable[[object], bool]
 NAME_KEY = "recording"
 """What a bare glob is matched with."""
 
-_TERM = re.compile(r"(?P<key>[^=!]*)(?P<operator>!?=)(?P<values>.*)", re.DOTALL)
+_TERM = re.compile(r"(?P<key>[^=!<>]*)(?P<operator>[<>]=?|!?=)(?P<values>.*)", re.DOTALL)
+_COMPARISONS: dict[str, Callable[[float, float], bool]] = {
+    "<": operator.lt,
+    "<=": operator.le,
+    ">": operator.gt,
+    ">=": operator.ge,
+}
 _NUMBER = re.compile(r"[+-]?(?:[0-9]+\.?[0-9]*|\.[0-9]+)(?:[eE][+-]?[0-9]{1,3})?")
 _PI = re.compile(r"pi/?(?P<divisor>[1-9][0-9]{0,2})")
 _FLAGS = {"yes": True, "true": True, "no": False, "false": False}
@@ -54,17 +62,23 @@ def compile_filter(terms: Iterable[str], keys: Keys) -> Predicate:
     """
     wanted: dict[str, list[Predicate]] = {}
     refused: list[tuple[str, Predicate]] = []
+    compared: list[tuple[str, Predicate]] = []
     for term in terms:
-        key, positive, values = _split(term, keys)
+        key, sign, values = _split(term, keys)
+        if sign in _COMPARISONS:
+            compared.append((key, _comparison(term, key, sign, values, keys[key])))
+            continue
         tests = [_test(key, value, keys[key]) for value in values]
-        if positive:
+        if sign == "=":
             wanted.setdefault(key, []).extend(tests)
         else:
             refused.extend((key, test) for test in tests)
 
     def predicate(record: object) -> bool:
-        return all(any(test(_value(record, key)) for test in tests) for key, tests in wanted.items()) and not any(
-            test(_value(record, key)) for key, test in refused
+        return (
+            all(any(test(_value(record, key)) for test in tests) for key, tests in wanted.items())
+            and not any(test(_value(record, key)) for key, test in refused)
+            and all(test(_value(record, key)) for key, test in compared)
         )
 
     return predicate
@@ -88,9 +102,9 @@ def _written(value: object) -> str:
     return "" if value is None else str(value)
 
 
-def _split(term: str, keys: Keys) -> tuple[str, bool, list[str]]:
+def _split(term: str, keys: Keys) -> tuple[str, str, list[str]]:
     if (found := _TERM.fullmatch(term)) is None:
-        return NAME_KEY, True, [_name_pattern(term)]
+        return NAME_KEY, "=", [_name_pattern(term)]
     key, values = found["key"].strip(), [value.strip() for value in found["values"].split(",")]
     if key not in keys:
         nearest = difflib.get_close_matches(key, list(keys), n=1)
@@ -98,7 +112,7 @@ def _split(term: str, keys: Keys) -> tuple[str, bool, list[str]]:
         raise FilterError("no such key", where=term, expected=", ".join(keys), found=repr(key), hint=hint)
     if key == NAME_KEY:
         values = [_name_pattern(value) for value in values]
-    return key, found["operator"] == "=", values
+    return key, found["operator"], values
 
 
 def _name_pattern(text: str) -> str:
@@ -124,6 +138,16 @@ def _test(key: str, value: str, kind: type[str | float | bool]) -> Predicate:
         return lambda found: found is flag
     pattern = re.compile(translate(value))
     return lambda found: isinstance(found, str) and pattern.match(found) is not None
+
+
+def _comparison(term: str, key: str, sign: str, values: Sequence[str], kind: Kind) -> Predicate:
+    """Return the test of ``key<number`` and the like: what is not known is neither less nor more."""
+    if kind is not float or len(values) != 1:
+        raise FilterError(
+            f"{sign} compares numbers", where=term, expected=f"key{sign}number, of a key that is a number"
+        )
+    compare, bound = _COMPARISONS[sign], _number(key, values[0])
+    return lambda found: isinstance(found, int | float) and not isinstance(found, bool) and compare(found, bound)
 
 
 def _number(key: str, text: str) -> float:

@@ -7,7 +7,7 @@ import warnings
 
 import typer
 
-from garment_dataset.cli import build, catalog, diff, mask, new, score, simulate, workspace
+from garment_dataset.cli import build, catalog, diff, mask, new, score, show, simulate, status, workspace
 from garment_dataset.cli.output import say, show_warning
 from garment_dataset.errors import GarmentError
 
@@ -21,12 +21,12 @@ app = typer.Typer(
 )
 app.command("init")(workspace.init)
 app.command("list")(catalog.list_)
-app.command("show")(catalog.show)
+app.command("show")(show.show)
 app.command("lint")(catalog.lint_)
 app.command("build")(build.build)
-app.command("status")(build.status)
-app.command("why")(build.why)
-app.command("dag")(build.dag)
+app.command("status")(status.status)
+app.command("why")(status.why)
+app.command("dag")(status.dag)
 app.command("diff")(diff.diff)
 app.command("mask")(mask.mask)
 app.command("simulate")(simulate.simulate)

@@ -19,7 +19,10 @@ def new() -> None:
 @app.command("stage")
 def stage(
     name: Annotated[str, typer.Argument(metavar="NAME", help="Of the stage, its file and its table.")],
-    per: Annotated[Literal["recording", "repeats"], typer.Option("--per", help="What one run covers.")] = "recording",
+    per: Annotated[
+        Literal["recording", "position", "repeats"],
+        typer.Option("--per", help="What one run covers: a recording, a camera position, the repeats of a movement."),
+    ] = "recording",
     workspace: WorkspaceOption = None,
 ) -> None:
     """Write a stage, with a table and a test, into the workspace's folder stages/."""
@@ -27,9 +30,9 @@ def stage(
     from garment_dataset.workspace.new_stage import write_stage
 
     layout = Layout.find(workspace)
-    written, to_add = write_stage(layout, name, per)
-    say("wrote " + " and ".join(str(path) for path in written))
-    if to_add is not None:
-        say(f"Add to {to_add}")
-    say(f'Next: add "{name}" to the stages of a file in {layout.pipelines_dir}, then `garment build`')
-    say(f"Test it with: python -m pytest {layout.stages_dir}")
+    written = write_stage(layout, name, per)
+    say("wrote " + " and ".join(str(path) for path in written.files))
+    if written.settings_line is not None:
+        say(f"Next: under [stages] of {layout.root / 'garment.toml'} write\n    {written.settings_line}")
+    say(f"Next: in {written.pipeline} write\n    {written.pipeline_line}")
+    say(f"Then: `garment build`. Its test runs with: python -m pytest {layout.stages_dir}")

@@ -48,7 +48,9 @@ def line(event: Event) -> str:
         text += f"  {event.message}"
     if event.is_repeated:
         text += " (as before; `garment build --failed` tries again)"
-    return "\n".join([text, *(f"        note: {note}" for note in event.notes if event.ending is Ending.BUILT)])
+    # what the stage quality says is said once more, of all recordings, at the end
+    notes = event.notes if event.ending is Ending.BUILT and event.node.stage != "quality" else ()
+    return "\n".join([text, *(f"        note: {note}" for note in notes)])
 
 
 @contextmanager

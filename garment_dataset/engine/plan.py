@@ -52,6 +52,8 @@ class Decision:
         The wanted result lies in the store: it is linked, not made.
     certain : bool
         False when an input may turn out unchanged, and nothing is to be done then.
+    notes : tuple of str
+        What the stage said of data that it left out, of a fresh node.
     """
 
     node: NodeId
@@ -60,6 +62,7 @@ class Decision:
     key: str | None = None
     stored: bool = False
     certain: bool = True
+    notes: tuple[str, ...] = ()
 
     def to_json(self) -> dict[str, Any]:
         """Return the decision as JSON-like data."""
@@ -75,6 +78,7 @@ class Decision:
             "stored": self.stored,
             "key": self.key,
             "reasons": reasons,
+            "notes": list(self.notes),
         }
 
 
@@ -211,7 +215,7 @@ class _Planner:
         published = self.known.published.get(node.id)
         found = self.known.results.get(key)
         if found is not None and published == key and self.store.is_published(found, node.variant):
-            return Decision(node.id, State.FRESH, key=key, stored=True)
+            return Decision(node.id, State.FRESH, key=key, stored=True, notes=found.notes)
         old = self.store.index.facts(published) if published is not None else None
         reasons = fact_reasons(old, facts, node, code) if old is not None else ()
         if found is not None and self.store.holds(found):

@@ -21,5 +21,5 @@ __all__ = [
     "TableSpec",
 ]
 
-STAGES = ("decode", "depth_points", "kinematics", "background", "silhouette", "central_curve")
+STAGES = ("decode", "depth_points", "kinematics", "background", "silhouette", "central_curve", "quality")
 """The stages that the package brings: each is ``STAGE`` in the module of its name here."""

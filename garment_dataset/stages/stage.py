@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import inspect
 from dataclasses import dataclass
 from typing import Literal
 
@@ -41,10 +42,21 @@ class Group:
     Parameters
     ----------
     by : tuple of str
-        Columns of the catalog, such as ``garment`` and ``axis``.
+        Columns of the catalog, such as ``garment`` and ``axis``; none for all recordings together.
+
+    Raises
+    ------
+    StageError
+        If ``by`` is one text: Python takes ``("garment")`` for that.
     """
 
     by: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        given: object = self.by
+        if isinstance(given, str):
+            hint = f"Write Group(({given!r},))."
+            raise StageError("a group takes a tuple of columns", found=repr(given), hint=hint)
 
 
 Per = Literal["recording", "position"] | Group
@@ -65,33 +77,40 @@ class Stage(EngineStage):
     sources : frozenset of str
         Which of the arguments are external: ``bag`` gives the path of the recording.
     per : {"recording", "position"} or Group
-        What one run covers. ``position``: its bag and tables are those of the bag that shows the empty scene of a
-        camera position. A group: every table comes as a dict, by the recordings' names in alphabetical order.
+        What one run covers. ``position``: its bag, and the tables of recordings, are those of the bag that shows the
+        empty scene of a camera position. A group: tables of recordings come as a dict, by the recordings' names in
+        alphabetical order; tables of the same groups come as they are.
 
     Raises
     ------
     StageError
-        If an output has a column that stands in the path or is put in front of every table, or a stage of a group
-        takes a bag.
+        If ``per`` is none of these, the function takes no parameters, an output has a column that stands in the path
+        or is put in front of every table, or a stage of a group takes a bag, or no table.
     """
 
     sources: frozenset[str] = frozenset({"bag"})
     per: Per = "recording"
 
     def __post_init__(self) -> None:
+        if self.per not in {"recording", "position"} and not isinstance(self.per, Group):
+            raise StageError(
+                "`per` is not understood", where=self.name, expected="recording, position or a Group", found=self.per
+            )
+        if "params" not in inspect.signature(self.function).parameters:
+            raise StageError(
+                "the function takes no `params`", where=self.name, hint="Every stage has parameters, if empty ones."
+            )
         taken = {column.name for column in self.identity} | set(PARTITIONS)
         for output in self.outputs:
             if twice := sorted(taken & {column.name for column in output.columns}):
                 raise StageError(
                     f"table {output.name!r} has columns that the product adds", where=self.name, found=", ".join(twice)
                 )
-        if isinstance(self.per, Group) and (bags := sorted(self.sources.intersection(self.arguments))):
-            raise StageError(
-                "a stage of a group reads tables",
-                where=self.name,
-                found=f"argument {bags[0]!r}",
-                hint="Read the bag in a stage of its own, per recording",
-            )
+        bags = self.sources.intersection(self.arguments)
+        if isinstance(self.per, Group) and (bags or not self.inputs):
+            found = f"argument {min(bags)!r}" if bags else "no table among its arguments"
+            hint = "Read the bag in a stage of its own, per recording." if bags else None
+            raise StageError("a stage of a group reads tables", where=self.name, found=found, hint=hint)
 
     @property
     def identity(self) -> tuple[Column, ...]:

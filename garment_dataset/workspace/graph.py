@@ -2,22 +2,24 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from garment_dataset.catalog.filters import compile_filter
-from garment_dataset.catalog.rows import ROW_KEYS, UNSPECIFIED
+from garment_dataset.catalog.rows import ROW_KEYS
 from garment_dataset.engine.graph import Graph, Node, NodeId
 from garment_dataset.engine.table import Label
 from garment_dataset.errors import PipelineError, StageError
 from garment_dataset.stages import Group, Stage
+from garment_dataset.workspace.groups import groups_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
     from garment_dataset.catalog import BackgroundSource, Catalog, CatalogRow
+    from garment_dataset.engine.stage import StageParams
+    from garment_dataset.workspace.groups import RecordingGroup
     from garment_dataset.workspace.pipelines import Pipeline
 
     LabelValues = Mapping[str, str | int | float | None]
@@ -47,8 +49,10 @@ def draw_graph(catalog: Catalog, pipelines: Sequence[Pipeline], rows: Iterable[C
     Raises
     ------
     PipelineError
-        If two pipelines of one variant ask for one stage of one recording with different parameters, or by different
-        stages for one table.
+        If two pipelines of one variant ask for one stage of one recording with different parameters, for one group
+        with different recordings, or by different stages for one table.
+    StageError
+        If a stage's groups cannot be made, or it would take frames of a garment for the empty scene.
     """
     drawing = _Drawing(catalog)
     selected = list(rows)
@@ -69,77 +73,6 @@ def draw_graph(catalog: Catalog, pipelines: Sequence[Pipeline], rows: Iterable[C
                         continue
                     drawing.add_group(stage, group, pipeline, is_whole=names.issuperset(group.recordings))
     return Drawn(Graph(drawing.nodes.values()), tuple(drawing.partial))
-
-
-@dataclass(frozen=True)
-class RecordingGroup:
-    """Recordings that a stage takes together.
-
-    Parameters
-    ----------
-    name : str
-        Made of what they share: ``GreenTowel_Ruler_pi16_0.5_R_topics_file1``.
-    by : tuple of str
-        The columns in which they agree.
-    rows : tuple of CatalogRow
-        In alphabetical order of their names.
-    """
-
-    name: str
-    by: tuple[str, ...]
-    rows: tuple[CatalogRow, ...]
-
-    @property
-    def recordings(self) -> tuple[str, ...]:
-        """Names of the recordings."""
-        return tuple(row.recording for row in self.rows)
-
-    @property
-    def labels(self) -> LabelValues:
-        """What stands in the identity columns; null where the recordings differ."""
-        shared = {name: {getattr(row, name) for row in self.rows} for name in ("axis", "speed", "swing_rad")}
-        values = {name: next(iter(found)) if len(found) == 1 else None for name, found in shared.items()}
-        return {"group": self.name, **values}
-
-    @property
-    def partition(self) -> Mapping[str, str]:
-        """The hive partition of its results."""
-        parts = [row.partition for row in self.rows]
-        shared = {name: {part[name] for part in parts} for name in parts[0]}
-        return {name: next(iter(found)) if len(found) == 1 else UNSPECIFIED for name, found in shared.items()}
-
-
-def groups_of(rows: Iterable[CatalogRow], group: Group, stage: str) -> list[RecordingGroup]:
-    """Put rows together that agree in the columns of a group.
-
-    Raises
-    ------
-    StageError
-        If the catalog has no such column.
-    """
-    if unknown := [name for name in group.by if name not in ROW_KEYS]:
-        raise StageError(
-            f"groups by {unknown[0]!r}", where=stage, expected=f"columns of the catalog: {', '.join(ROW_KEYS)}"
-        )
-    found: dict[str, list[CatalogRow]] = {}
-    for row in sorted(rows, key=lambda row: row.recording):
-        name = "_".join(_word(row, column) for column in group.by) or "all"
-        found.setdefault(name, []).append(row)
-    return [RecordingGroup(name, group.by, tuple(members)) for name, members in found.items()]
-
-
-def _word(row: CatalogRow, column: str) -> str:
-    """Write a value of a row as it stands in names: ``pi16``, ``0.5``, ``R``; other numbers with what they are of."""
-    value = getattr(row, column)
-    if column == "garment":
-        return row.partition["garment"]
-    if value is None:
-        return UNSPECIFIED
-    if column == "swing_rad":
-        return f"pi{round(math.pi / value)}"
-    if isinstance(value, str):
-        return "-".join(value.split("/"))
-    return f"{value:g}" if column == "speed" else f"{column}{value:g}"
 
 
 class _Drawing:
@@ -202,15 +135,7 @@ class _Drawing:
         node_id = NodeId(stage.name, bag.name, pipeline.file.variant)
         if self._is_drawn(node_id, pipeline):
             return node_id
-        inputs: dict[str, NodeId] = {}
-        makers = pipeline.makers
-        for table in filter(makers.__contains__, stage.inputs):
-            maker = makers[table]
-            if maker.per == "position":
-                inputs[table] = self._add_position(maker, self._catalog.background(bag.topics_file), pipeline)
-            else:
-                inputs[table] = self._add_bag(maker, bag, pipeline)
-        obstacles = (self.nodes[feeder].blocked for feeder in inputs.values())
+        inputs = self._add_feeders(stage, bag, self._catalog.background(bag.topics_file), pipeline)
         return self._put(
             Node(
                 stage=stage,
@@ -221,7 +146,7 @@ class _Drawing:
                 labels=_labels(stage, bag.labels),
                 partition=_path(bag.partition),
                 variant=pipeline.file.variant,
-                blocked=next((obstacle for obstacle in obstacles if obstacle is not None), None),
+                blocked=self._obstacle(inputs),
             ),
             pipeline,
         )
@@ -231,36 +156,46 @@ class _Drawing:
         node_id = NodeId(stage.name, f"position_{source.topics_file}", pipeline.file.variant)
         if self._is_drawn(node_id, pipeline):
             return node_id
-        interval = {"from_s": source.from_s, "to_s": source.to_s}
-        given = {name: value for name, value in interval.items() if value is not None}
-        params = pipeline.params[stage.name]
-        bag = _Bag(source.source, source.path, source.topics_file, source.labels, source.partition)
-        inputs: dict[str, NodeId] = {}
-        if source.path is not None:
-            makers = pipeline.makers
-            inputs = {table: self._add_bag(makers[table], bag, pipeline) for table in stage.inputs if table in makers}
+        topics_file = source.topics_file if source.row is None else source.row.topics_file
+        bag = _Bag(source.source, source.path, topics_file, source.labels, source.partition)
+        inputs = {} if source.path is None else self._add_feeders(stage, bag, source, pipeline)
         return self._put(
             Node(
                 stage=stage,
                 subject=node_id.subject,
-                params=stage.params.model_validate({**params.model_dump(), **given}) if given else params,
+                params=_params_of_position(stage, source, pipeline),
                 sources=bag.sources(stage),
                 inputs=inputs,
                 labels=_labels(stage, bag.labels),
                 variant=pipeline.file.variant,
-                blocked=None if source.path is not None else f"no background: {source.missing}",
+                blocked=f"no background: {source.missing}" if source.path is None else self._obstacle(inputs),
             ),
             pipeline,
         )
 
+    def _add_feeders(self, stage: Stage, bag: _Bag, source: BackgroundSource, pipeline: Pipeline) -> dict[str, NodeId]:
+        """Add what feeds a stage of a bag, or of a camera position, and return it by table."""
+        return {
+            table: self._add_position(maker, source, pipeline)
+            if (maker := pipeline.makers[table]).per == "position"
+            else self._add_bag(maker, bag, pipeline)
+            for table in stage.inputs
+            if table in pipeline.makers
+        }
+
+    def _obstacle(self, inputs: Mapping[str, NodeId]) -> str | None:
+        found = (self.nodes[feeder].blocked for feeder in inputs.values())
+        return next((obstacle for obstacle in found if obstacle is not None), None)
+
     def _put(self, node: Node, pipeline: Pipeline) -> NodeId:
         """Keep a node, unless it is there already; refuse one that contradicts what is there."""
         known = self.nodes.setdefault(node.id, node)
-        if known is not node and (known.params, known.inputs) != (node.params, node.inputs):
+        what = "parameters" if (known.params, known.inputs) != (node.params, node.inputs) else "recordings"
+        if what == "parameters" or known.gathers != node.gathers:
             raise PipelineError(
-                f"two pipelines ask for stage {node.id.stage!r} of {node.subject} with different parameters",
+                f"two pipelines ask for stage {node.id.stage!r} of {node.subject} with different {what}",
                 where=pipeline.name,
-                hint="Let their `recordings` exclude each other, give both the same [params], or one a `variant`.",
+                hint="Let their `recordings` exclude each other, give both the same, or one a `variant`.",
             )
         for output in node.stage.outputs:
             other = self._tables.setdefault((output.name, node.subject, node.variant), node.id)
@@ -272,6 +207,26 @@ class _Drawing:
                     hint="Let their `recordings` exclude each other, or give one a `variant`.",
                 )
         return node.id
+
+
+def _params_of_position(stage: Stage, source: BackgroundSource, pipeline: Pipeline) -> StageParams:
+    """Return the parameters of a stage of a camera position, with the interval that the catalog gives.
+
+    A stage that reads tables of camera positions alone needs none: they are of the empty scene.
+    """
+    params = pipeline.params[stage.name]
+    interval = {"from_s": source.from_s, "to_s": source.to_s}
+    given = {name: value for name, value in interval.items() if value is not None}
+    known = {name: value for name, value in given.items() if name in stage.params.model_fields}
+    of_bags = [name for name in stage.arguments if name in stage.sources or pipeline.makers[name].per == "recording"]
+    if known != given and of_bags:
+        raise StageError(
+            f"the empty scene of topics file {source.topics_file} is an interval of {source.source}",
+            where=stage.name,
+            expected="parameters from_s and to_s, as `background` has them",
+            found=f"{', '.join(of_bags)}, of the whole bag",
+        )
+    return stage.params.model_validate({**params.model_dump(), **known}) if known else params
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,6 +5,7 @@ Nothing is imported until a pipeline names it.
 
 from __future__ import annotations
 
+import contextlib
 import importlib.machinery
 import importlib.util
 import sys
@@ -12,7 +13,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from garment_dataset.engine.loading import HOMES, load_stage, modules_of
+from garment_dataset.engine.loading import HOMES, load_module, modules_of
 from garment_dataset.errors import GarmentError, StageError
 from garment_dataset.stages import STAGES, Stage
 
@@ -67,7 +68,7 @@ class KnownStages:
         self._loaded: dict[str, Stage] = {}
         for place in places:
             other = self._places.setdefault(place.name, place)
-            if other is not place:
+            if other != place:
                 found = f"{other.where} and {place.where}"
                 raise StageError(f"two stages are called {place.name!r}", found=found, hint="Rename one of them.")
 
@@ -75,6 +76,11 @@ class KnownStages:
     def of(cls, layout: Layout) -> KnownStages:
         """Return the stages that the pipelines of a workspace can name."""
         return cls([*_packaged(), *_of_workspace(layout), *_installed()])
+
+    @classmethod
+    def of_every_workspace(cls) -> KnownStages:
+        """Return the stages that the pipelines of any workspace can name."""
+        return cls([*_packaged(), *_installed()])
 
     @property
     def names(self) -> list[str]:
@@ -96,16 +102,27 @@ class KnownStages:
             self._loaded[name] = _load(self._places[name])
         return self._loaded[name]
 
+    def makers_of(self, table: str) -> list[str]:
+        """Return the stages that make a table; those that cannot be imported are passed over."""
+        found = []
+        for name in self._places:
+            with contextlib.suppress(GarmentError):
+                found += [name for output in self[name].outputs if output.name == table]
+        return found
+
     def roots(self) -> dict[str, Path]:
-        """Return the packages and modules, by import name, in which the stages imported so far are followed."""
+        """Return the packages and modules, by import name, in which stages are followed.
+
+        Those of every stage that is known, named by a pipeline or not: a stage may import the module of another, and
+        what is followed must not depend on other pipelines.
+        """
         found = {PACKAGE.name: PACKAGE}
-        for name in self._loaded:
-            place = self._places[name]
+        for place in self._places.values():
             top = place.module.partition(".")[0]
             if place.home is not None:
                 found |= modules_of(place.home)
-            elif top != PACKAGE.name:
-                found[top] = _folder_of(top)
+            elif top not in found and (folder := _folder_of(top)) is not None:
+                found[top] = folder
         return found
 
 
@@ -135,7 +152,7 @@ def _of_workspace(layout: Layout) -> Iterator[StagePlace]:
 
 def refuse_shadow(name: str, path: Path) -> None:
     """Refuse a module that is called as another one that Python finds: one of the two would be taken for the other."""
-    own = {*HOMES, str(path.parent)}
+    own = {*HOMES, str(path.parent), str(path.parent.resolve())}
     elsewhere = [folder for folder in sys.path if folder not in own and str(Path(folder).resolve()) not in own]
     spec = None if name in sys.stdlib_module_names else importlib.machinery.PathFinder.find_spec(name, elsewhere)
     if name in sys.stdlib_module_names or (spec is not None and spec.origin is not None):
@@ -153,24 +170,35 @@ def _installed() -> Iterator[StagePlace]:
 
 def _load(place: StagePlace) -> Stage:
     try:
-        stage = load_stage(place.module, place.home)
+        module = load_module(place.module, place.home)
     except GarmentError:
         raise
-    except AttributeError as error:
-        raise StageError("a module without STAGE", where=place.where, hint="`garment new` shows the form.") from error
     except Exception as error:
         text = f"{type(error).__name__}: {error}"
         raise StageError("the module of a stage cannot be imported", where=place.where, found=text) from error
-    if not isinstance(stage, Stage) or stage.name != place.name:
-        found = f"stage {stage.name!r}" if isinstance(stage, Stage) else type(stage).__name__
-        raise StageError("STAGE is another thing", where=place.where, expected=f"a Stage {place.name!r}", found=found)
+    stage = getattr(module, "STAGE", None)
+    if stage is None:
+        raise StageError("a module without STAGE", where=place.where, hint="`garment new stage` shows the form.")
+    if not isinstance(stage, Stage):
+        raise StageError("STAGE is no Stage", where=place.where, found=type(stage).__name__)
+    if stage.name != place.name:
+        hint = "File, function and stage have one name."
+        raise StageError("another stage", where=place.where, expected=place.name, found=stage.name, hint=hint)
+    beside: object = getattr(sys.modules.get(stage.module), "STAGE", None)
+    if beside is not stage:  # a worker looks for the stage where its function is
+        raise StageError(
+            "STAGE stands in another module than its function",
+            where=place.where,
+            found=f"{stage.name}() in module {stage.module}",
+            hint="Define it here, and call what you import.",
+        )
     return replace(stage, home=place.home)
 
 
-def _folder_of(package: str) -> Path:
+def _folder_of(package: str) -> Path | None:
+    """Return the folder of an installed package, or the file of a module; None when there is none."""
     spec = importlib.util.find_spec(package)
-    assert spec is not None  # it was imported
-    if spec.submodule_search_locations:
-        return Path(next(iter(spec.submodule_search_locations)))
-    assert spec.origin is not None
-    return Path(spec.origin)
+    if spec is None:
+        return None
+    folders = spec.submodule_search_locations
+    return Path(next(iter(folders)) if folders else str(spec.origin))

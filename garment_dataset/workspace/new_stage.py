@@ -2,154 +2,54 @@
 
 from __future__ import annotations
 
-import keyword
+import contextlib
+import json
 import re
-from typing import TYPE_CHECKING, Literal
+import tomllib
+from dataclasses import dataclass
+from keyword import iskeyword
+from typing import TYPE_CHECKING
 
 from garment_dataset.errors import UsageError
-from garment_dataset.layout import SETTINGS, Layout, read_toml
+from garment_dataset.layout import SETTINGS, Layout
 from garment_dataset.workspace.known_stages import KnownStages, refuse_shadow
+from garment_dataset.workspace.pipelines import read_pipeline
+from garment_dataset.workspace.stage_forms import FORMS
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
-Covering = Literal["recording", "repeats"]
-"""What one run of the new stage covers."""
+    from garment_dataset.workspace.stage_forms import Covering
 
-_MODULES = re.compile(r"^modules\s*=\s*\[(?P<names>[^\]]*)\]", re.MULTILINE)
-
-_RECORDING = '''"""Stage ``{name}``: how far the last point is from the gripper in every depth frame."""
-
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
-from pydantic import Field
-
-from garment_dataset.stages import FRAME, STAMP, Column, Stage, StageParams, TableSpec
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-{upper} = TableSpec(
-    "{name}",
-    1,
-    "one depth frame",
-    (FRAME, STAMP, Column("reach_m", "float64", "m", "from the gripper to the last point", nullable=True)),
-    keys=("frame",),
-)
+_NAME = re.compile(r"(?!test|conftest)[a-z][a-z0-9_]*")
+_WORDS = frozenset({"bag", "params", "np", "pa", "pc", "stage", "frame", "stamp", "record_stamp", "repeats"})
+"""Words that mean something else in the file of a stage."""
 
 
-class {camel}Params(StageParams):
-    """Knobs of the stage."""
+@dataclass(frozen=True)
+class NewStage:
+    """What was written, and what is left to a person.
 
-    longest_m: float = Field(default=2.0, gt=0, description="what seems longer is null: no garment is")
+    Parameters
+    ----------
+    files : tuple of Path
+        The stage and its test.
+    settings_line : str or None
+        What garment.toml must say under ``[stages]``, when it has a form that is not edited here.
+    pipeline : Path
+        A pipeline file that makes what the stage reads; where there is none, one that is not there yet.
+    pipeline_line : str
+        What it must say.
+    """
 
-
-def {name}(kinematics: pa.Table, params: {camel}Params) -> dict[str, pa.Table]:
-    """Measure the distance between the gripper, point 0, and the last point."""
-    import numpy as np  # heavy libraries are imported where they are used: `garment --help` stays light
-
-    point = kinematics["point"].to_numpy()
-    at = np.stack([kinematics[name].to_numpy() for name in ("x_m", "y_m", "z_m")])
-    first, last = point == 0, point == point.max(initial=0)
-    reach_m = np.linalg.norm(at[:, last] - at[:, first], axis=0)
-    reach_m[reach_m > params.longest_m] = np.nan
-    columns = {{name: kinematics[name].to_numpy()[first] for name in ("frame", "stamp_ns")}}
-    return {{"{name}": {upper}.table({{**columns, "reach_m": reach_m}})}}
-
-
-STAGE = Stage({name}, params={camel}Params, outputs=({upper},))
-'''
-
-_RECORDING_TEST = '''"""A known answer: a point 3 m to the side of and 4 m below the gripper is 5 m away."""
-
-import pyarrow as pa
-
-from {name} import {camel}Params, {name}
+    files: tuple[Path, ...]
+    settings_line: str | None
+    pipeline: Path
+    pipeline_line: str
 
 
-def test_the_reach_is_the_distance_to_the_last_point() -> None:
-    kinematics = pa.table(
-        {{
-            "frame": [0, 0, 1, 1],
-            "stamp_ns": [10, 10, 20, 20],
-            "point": [0, 1, 0, 1],
-            "x_m": [0.0, 3.0, 0.0, None],
-            "y_m": [0.0, 4.0, 0.0, None],
-            "z_m": [1.0, 1.0, 1.0, None],
-        }}
-    )
-    table = {name}(kinematics, {camel}Params(longest_m=9.0))["{name}"]
-    assert table["reach_m"].to_pylist() == [5.0, None]
-    assert {name}(kinematics, {camel}Params())["{name}"]["reach_m"].to_pylist() == [None, None]
-'''
-
-_REPEATS = '''"""Stage ``{name}``: how far the repeats of one movement take the last point."""
-
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
-from garment_dataset.stages import REPEATS, Column, Stage, StageParams, TableSpec
-
-if TYPE_CHECKING:
-    import pyarrow as pa
-
-{upper} = TableSpec(
-    "{name}",
-    1,
-    "one repeat",
-    (
-        Column("recording", "string", "", "name of the repeat"),
-        Column("farthest_m", "float64", "m", "largest displacement of the last point along z", nullable=True),
-    ),
-    keys=("recording",),
-)
-
-
-class {camel}Params(StageParams):
-    """No knobs yet."""
-
-
-def {name}(kinematics: dict[str, pa.Table], params: {camel}Params) -> dict[str, pa.Table]:
-    """Take the largest displacement of the last point, repeat by repeat."""
-    import numpy as np
-
-    farthest_m = []
-    for table in kinematics.values():
-        point = table["point"].to_numpy()
-        dz_m = np.abs(table["dz_m"].to_numpy()[point == point.max(initial=0)])
-        farthest_m.append(np.nanmax(dz_m) if np.isfinite(dz_m).any() else None)
-    return {{"{name}": {upper}.table({{"recording": list(kinematics), "farthest_m": farthest_m}})}}
-
-
-STAGE = Stage({name}, params={camel}Params, outputs=({upper},), per=REPEATS)
-'''
-
-_REPEATS_TEST = '''"""A known answer: of -3, 2 and nothing the farthest is 3."""
-
-import pyarrow as pa
-
-from {name} import {camel}Params, {name}
-
-
-def test_the_farthest_displacement_of_each_repeat_is_taken() -> None:
-    repeats = {{
-        "first": pa.table({{"point": [0, 1, 1, 1], "dz_m": [9.0, -3.0, 2.0, None]}}),
-        "second": pa.table({{"point": [0, 1], "dz_m": [9.0, None]}}),
-    }}
-    table = {name}(repeats, {camel}Params())["{name}"]
-    assert table.to_pydict() == {{"recording": ["first", "second"], "farthest_m": [3.0, None]}}
-'''
-
-_FORMS: dict[Covering, tuple[str, str]] = {
-    "recording": (_RECORDING, _RECORDING_TEST),
-    "repeats": (_REPEATS, _REPEATS_TEST),
-}
-
-
-def write_stage(layout: Layout, name: str, covering: Covering) -> tuple[list[Path], str | None]:
+def write_stage(layout: Layout, name: str, covering: Covering) -> NewStage:
     """Write a stage, its test, and its name in garment.toml.
 
     Parameters
@@ -158,15 +58,8 @@ def write_stage(layout: Layout, name: str, covering: Covering) -> tuple[list[Pat
         The workspace.
     name : str
         Of the stage, its module and its table.
-    covering : {"recording", "repeats"}
+    covering : {"recording", "position", "repeats"}
         What one run covers.
-
-    Returns
-    -------
-    written : list of Path
-        The files.
-    to_add : str or None
-        What a person must add to garment.toml, when it has a form that is not edited here.
 
     Raises
     ------
@@ -174,33 +67,69 @@ def write_stage(layout: Layout, name: str, covering: Covering) -> tuple[list[Pat
         If the name cannot be that of a module or is taken, or a file is in the way: nothing is ever overwritten.
     StageError
         If Python knows another module of that name.
+    PipelineError
+        If a pipeline file cannot be read.
     """
-    if not name.isidentifier() or keyword.iskeyword(name) or name != name.lower() or name.startswith(("_", "test_")):
-        raise UsageError("not a name for a stage", expected="lower-case letters, digits and _", found=repr(name))
-    if name in KnownStages.of(layout):
-        raise UsageError(f"there is a stage {name!r} already", where=layout.root, hint="Choose another name.")
-    file, test = layout.stages_dir / f"{name}.py", layout.stages_dir / f"test_{name}.py"
-    refuse_shadow(name, file)
-    for path in (file, test):
+    _refuse_name(name)
+    folder = layout.stages_dir
+    files = (folder / f"{name}.py", folder / f"test_{name}.py")
+    refuse_shadow(name, files[0])
+    for path in (*files, folder / name):
         if path.exists():
             raise UsageError("in the way of a new stage", where=path, hint="Nothing was written.")
-    layout.stages_dir.mkdir(parents=True, exist_ok=True)
-    words = {"name": name, "upper": name.upper(), "camel": "".join(word.capitalize() for word in name.split("_"))}
-    for path, form in zip((file, test), _FORMS[covering], strict=True):
-        path.write_text(form.format(**words), "utf-8")
-    return [file, test], _name_in_settings(layout.root / SETTINGS, name)
+    form = FORMS[covering]
+    pipeline, stages = _pipeline_with(layout.pipelines_dir, form.feeders, name)
+    folder.mkdir(parents=True, exist_ok=True)
+    camel = "".join(word.capitalize() for word in name.split("_"))
+    for path, text in zip(files, (form.stage, form.test), strict=True):
+        named = text.replace("example", name).replace("EXAMPLE", name.upper()).replace("Example", camel)
+        path.write_text(named, "utf-8")
+    return NewStage(files, _name_in_settings(layout, name), pipeline, f"stages = {json.dumps(stages)}")
 
 
-def _name_in_settings(path: Path, name: str) -> str | None:
-    """Add a module to garment.toml; return what to add by hand when the file is not in one of the usual forms."""
-    text = path.read_text("utf-8-sig") if path.is_file() else ""
-    if "stages" not in (read_toml(path) if text else {}):
-        changed = f'{text.rstrip()}\n\n[stages]\nmodules = ["{name}"]\n'.lstrip()
-    elif (found := _MODULES.search(text)) is not None:
-        names = found["names"].rstrip().rstrip(",")
-        changed = text[: found.start("names")] + (f'{names}, "{name}"' if names.strip() else f'"{name}"')
-        changed += text[found.end("names") :]
-    else:
-        return f'{path}: under [stages], modules = ["{name}"]'
-    path.write_text(changed, "utf-8")
-    return None
+def _refuse_name(name: str) -> None:
+    if not _NAME.fullmatch(name) or iskeyword(name) or name in _WORDS:
+        raise UsageError(
+            "not a name for a stage",
+            expected="lower-case letters, digits and _; no word of Python's or of stages, no test",
+            found=repr(name),
+        )
+    known = KnownStages.of_every_workspace()
+    if name in known or known.makers_of(name):
+        what = "stage" if name in known else "table"
+        raise UsageError(f"there is a {what} {name!r} already", hint="Choose another name.")
+
+
+def _pipeline_with(folder: Path, feeders: tuple[str, ...], name: str) -> tuple[Path, tuple[str, ...]]:
+    """Return the first pipeline file that makes what a new stage reads, and the stages it must name then."""
+    for path in sorted(folder.glob("*.toml")):
+        stages = read_pipeline(path).stages
+        if feeders[-1] in stages:
+            return path, (*stages, name)
+    return folder / f"{name}.toml", (*feeders, name)
+
+
+def _name_in_settings(layout: Layout, name: str) -> str | None:
+    """Add a module to garment.toml; return what it must say, where its form is not a usual one."""
+    if name in layout.stage_modules:
+        return None
+    path = layout.root / SETTINGS
+    text = path.read_bytes().decode("utf-8-sig") if path.is_file() else ""
+    wanted = tomllib.loads(text)
+    modules = [*layout.stage_modules, name]
+    wanted["stages"] = {**wanted.get("stages", {}), "modules": modules}
+    for changed in _edits(text, name):
+        with contextlib.suppress(tomllib.TOMLDecodeError):
+            if tomllib.loads(changed) == wanted:
+                path.write_bytes(changed.encode("utf-8"))
+                return None
+    return f"modules = {json.dumps(modules)}"
+
+
+def _edits(text: str, name: str) -> Iterator[str]:
+    """Yield what garment.toml may look like with a module added; only one that says so is right."""
+    yield f'{text.rstrip()}\n\n[stages]\nmodules = ["{name}"]\n'.lstrip()
+    yield re.sub(r"(?m)^\[stages\].*$", rf'\g<0>\nmodules = ["{name}"]', text)
+    yield re.sub(r"(?m)^(modules\s*=\s*\[[^\]]*)\n\]", rf'\1\n    "{name}",\n]', text)
+    yield re.sub(r"(?m)^(modules\s*=\s*\[[^\]]*?),?\s*\]", rf'\1, "{name}"]', text)
+    yield re.sub(r"(?m)^(modules\s*=\s*\[)\s*\]", rf'\1"{name}"]', text)

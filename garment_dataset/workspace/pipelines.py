@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import graphlib
 import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
@@ -98,13 +99,20 @@ def load_pipelines(folder: Path, known: KnownStages) -> list[Pipeline]:
     StageError
         If a stage that is named cannot be imported.
     """
-    pipelines = [_resolved(path, _load(path), known) for path in sorted(folder.glob("*.toml"))]
+    pipelines = [_resolved(path, read_pipeline(path), known) for path in sorted(folder.glob("*.toml"))]
     if not pipelines:
         raise PipelineError("no pipeline files", where=folder, expected="at least one NAME.toml")
     return pipelines
 
 
-def _load(path: Path) -> PipelineFile:
+def read_pipeline(path: Path) -> PipelineFile:
+    """Read one file, whether or not there are the stages that it names.
+
+    Raises
+    ------
+    PipelineError
+        If it cannot be read, or says what no pipeline file can say.
+    """
     try:
         file = PipelineFile.model_validate(read_toml(path))
     except ValidationError as error:
@@ -165,7 +173,7 @@ def _refuse_misfits(path: Path, stages: tuple[Stage, ...], known: KnownStages) -
             if table not in made and table in stage.optional:
                 continue
             if table not in made:
-                makers = [name for name in known.names if table in {output.name for output in known[name].outputs}]
+                makers = known.makers_of(table)
                 raise PipelineError(
                     f"stage {stage.name!r} reads table {table!r}",
                     where=path,
@@ -179,6 +187,14 @@ def _refuse_misfits(path: Path, stages: tuple[Stage, ...], known: KnownStages) -
             if isinstance(stage.per, Group) and feeder.per == "position":
                 raise StageError(f"table {table!r} is of camera positions", where=stage.name, found="a stage of groups")
     producers(stages)
+    try:
+        graphlib.TopologicalSorter(
+            {each.name: {made[table].name for table in each.inputs if table in made} for each in stages}
+        ).prepare()
+    except graphlib.CycleError as error:
+        raise PipelineError(
+            "stages feed each other in a circle", where=path, found=" -> ".join(error.args[1])
+        ) from error
 
 
 def _params(stage: Stage, given: Mapping[str, Any], path: Path) -> StageParams:

@@ -151,3 +151,28 @@ def test_order_does_not_matter(orders: tuple[list[str], list[str]]) -> None:
 def test_not_equal_is_the_complement(key: str, value: str) -> None:
     value = {"garment": value, "recording": f"{value}_*", "dvd": "yes"}.get(key, "0.5")
     assert set(chosen(f"{key}={value}")) ^ set(chosen(f"{key}!={value}")) == set(range(len(RECORDS)))
+
+
+@pytest.mark.parametrize(
+    ("term", "wanted"),
+    [
+        ("speed<0.5", {0.1}),
+        ("speed<=0.5", {0.1, 0.5}),
+        ("speed>0.1", {0.5, 2.0}),
+        ("speed>=.5", {0.5, 2.0}),
+    ],
+)
+def test_numbers_compare_and_what_is_not_known_does_not(term: str, wanted: set[float]) -> None:
+    keep = compile_filter([term], {"recording": str, "speed": float})
+    assert {speed for speed in (0.1, 0.5, 2.0, None) if keep({"recording": "a", "speed": speed})} == wanted
+
+
+def test_comparisons_of_one_key_must_all_hold() -> None:
+    keep = compile_filter(["speed>0.1", "speed<2"], {"recording": str, "speed": float})
+    assert [speed for speed in (0.1, 0.5, 2.0) if keep({"recording": "a", "speed": speed})] == [0.5]
+
+
+@pytest.mark.parametrize("term", ["recording<1", "speed<a", "speed<1,2", "speed<"])
+def test_comparisons_that_make_no_sense_are_refused(term: str) -> None:
+    with pytest.raises(FilterError):
+        compile_filter([term], {"recording": str, "speed": float})

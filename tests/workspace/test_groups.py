@@ -15,7 +15,7 @@ from garment_dataset.errors import GarmentError
 from garment_dataset.features.reading import load_features
 from garment_dataset.stages import REPEATS, Group
 from garment_dataset.workspace import Workspace
-from garment_dataset.workspace.graph import groups_of
+from garment_dataset.workspace.groups import groups_of
 from garment_dataset.workspace.session import Session
 from tests.workspace.conftest import name_stages
 

@@ -1,0 +1,219 @@
+"""``garment status``, ``why`` and ``dag``: one plan, shown; and what a build says, too."""
+
+from __future__ import annotations
+
+from collections import Counter
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+
+from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, print_json, print_table, say
+from garment_dataset.errors import UsageError
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from garment_dataset.engine.facts import Reason
+    from garment_dataset.engine.graph import NodeId
+    from garment_dataset.engine.plan import Decision, Plan
+    from garment_dataset.workspace.session import Session
+
+QUALITY_STAGE = "quality"
+"""The stage whose notes say that a recording is not ok."""
+
+_SHOWN = 20
+
+StageOption = Annotated[
+    list[str] | None, typer.Option("--stage", "-s", help="Only this stage and what feeds it; may be repeated.")
+]
+
+
+def status(
+    filters: FiltersArgument = None,
+    stage: StageOption = None,
+    workspace: WorkspaceOption = None,
+    as_json: JsonOption = False,
+    exit_code: Annotated[bool, typer.Option("--exit-code", help="Exit with 1 when something is not fresh.")] = False,
+) -> None:
+    """Say what is fresh, stale, missing, blocked or failed, and why."""
+    with open_session(workspace, filters or (), stage or ()) as session:
+        plan = session.plan()
+        show_plan(plan, session, as_json=as_json)
+    if exit_code and not plan.is_fresh:
+        raise typer.Exit(1)
+
+
+def why(
+    recording: Annotated[
+        str, typer.Argument(metavar="NAME", help="Name of a recording, a group of them, or position_1 and the like.")
+    ],
+    stage: Annotated[str | None, typer.Argument(help="Only this stage.")] = None,
+    workspace: WorkspaceOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Say, for every stage of one recording, what would be done with it and every reason, old -> new."""
+    from garment_dataset.layout import Layout
+    from garment_dataset.workspace.session import Session
+
+    with Session.about(Layout.find(workspace), recording, [stage] if stage else ()) as session:
+        decisions = [decision for decision in session.plan() if stage in {None, decision.node.stage}]
+        tracebacks = {key: failure.traceback for key, failure in session.store.index.failures().items()}
+        absent = [row.recording for row in session.selection.absent]
+    if not decisions:
+        raise UsageError(
+            "nothing is built of it",
+            where=recording,
+            found="no bag in the recordings folder" if absent else "no pipeline names it",
+            hint="`garment dag` shows which pipelines there are.",
+        )
+    if as_json:
+        print_json([_record(decision) for decision in decisions])
+        return
+    for decision in decisions:
+        print(f"{decision.node}: {_verdict(decision)}")
+        for reason in decision.reasons:
+            print(f"    {reason}")
+        for note in decision.notes:
+            print(f"    note: {note}")
+        if decision.state == "failed" and (trace := tracebacks.get(decision.node)):
+            print("    " + trace.rstrip().replace("\n", "\n    "))
+
+
+class DagForm(StrEnum):
+    """How the graph of stages is drawn."""
+
+    TEXT = "text"
+    MERMAID = "mermaid"
+
+
+def dag(
+    form: Annotated[DagForm, typer.Option("--form", help="Text, or Mermaid for documents.")] = DagForm.TEXT,
+    params: Annotated[bool, typer.Option("--params", help="Show every stage's parameters, defaults included.")] = False,
+    workspace: WorkspaceOption = None,
+    as_json: JsonOption = False,
+) -> None:
+    """Draw the graph of stages: what each reads, and which tables it makes."""
+    from garment_dataset.cli import dag as drawing
+    from garment_dataset.layout import Layout
+
+    pipelines = drawing.load(Layout.find(workspace))
+    if as_json:
+        print_json(drawing.to_json(pipelines))
+    elif form is DagForm.MERMAID:
+        print(drawing.to_mermaid(pipelines))
+    else:
+        print(drawing.to_text(pipelines, params=params))
+
+
+def open_session(workspace: Path | None, filters: Sequence[str], stages: Sequence[str]) -> Session:
+    """Open the workspace that a command is about."""
+    from garment_dataset.layout import Layout
+    from garment_dataset.workspace.session import Session
+
+    return Session(Layout.find(workspace), filters, stages)
+
+
+def named(node: NodeId) -> dict[str, Any]:
+    """Return a node's names as JSON; the subject of a camera position or a group stands there, too."""
+    return {"stage": node.stage, "recording": node.subject, "variant": node.variant or None}
+
+
+def _record(decision: Decision) -> dict[str, Any]:
+    """Return a decision as JSON, in the product's words."""
+    own = {name: value for name, value in decision.to_json().items() if name not in {"stage", "subject", "variant"}}
+    return {**named(decision.node), **own}
+
+
+def _verdict(decision: Decision) -> str:
+    if decision.state == "stale" and decision.stored:
+        return "stale, but the result wanted is in the store: it will be linked"
+    if decision.state == "stale" and not decision.certain:
+        return "perhaps stale: run only if what feeds it comes out different"
+    return decision.state.value
+
+
+def show_plan(plan: Plan, session: Session, *, as_json: bool) -> None:
+    """Print what is to be done and why, and what is known to be wrong with what is fresh."""
+    decisions = list(plan)
+    absent = len(session.selection.absent)
+    if as_json:
+        counts = {state.value: count for state, count in plan.counts().items()}
+        print_json({"counts": counts, "absent": absent, "decisions": [_record(decision) for decision in decisions]})
+        return
+    if decisions and not plan.is_fresh:
+        _print_matrix(decisions, session)
+        _print_reasons(decisions)
+    counts_text = ", ".join(f"{count} {state.value}" for state, count in plan.counts().items() if count)
+    print(f"{results_text(len(decisions))} of {recordings_text(session)}: {counts_text or 'nothing to build'}")
+    if absent:
+        print(f"{absent} recordings of the catalog have no bag here (`garment list state=missing`)")
+    say_partial(session)
+    say_quality(
+        {decision.node.subject: decision.notes for decision in decisions if decision.node.stage == QUALITY_STAGE}
+    )
+
+
+def _print_matrix(decisions: list[Decision], session: Session) -> None:
+    stages = [stage.name for stage in session.stages]
+    states: dict[str, dict[str, str]] = {}
+    for decision in decisions:
+        mark = "" if decision.certain else "?"
+        variant = f" ({decision.node.variant})" if decision.node.variant else ""
+        states.setdefault(decision.node.subject + variant, {})[decision.node.stage] = decision.state.value + mark
+    rows = [
+        [subject, *(by_stage.get(stage, "") for stage in stages)]
+        for subject, by_stage in states.items()
+        if set(by_stage.values()) != {"fresh"}
+    ]
+    print_table(["recording", *stages], rows)
+
+
+def _print_reasons(decisions: list[Decision]) -> None:
+    found = Counter((decision.node.stage, _grouped(reason)) for decision in decisions for reason in decision.reasons)
+    rows = [[count, stage, reason] for (stage, reason), count in found.items()]
+    if rows:
+        print_table(["nodes", "stage", "reason"], rows[:_SHOWN])
+    if len(rows) > _SHOWN:
+        print(f"... and {len(rows) - _SHOWN} more reasons (`garment why NAME`, or --json for all)")
+
+
+def _grouped(reason: Reason) -> str:
+    """Return a reason's text; of what stands above in the graph only the stage, so that recordings count together."""
+    return f"upstream {reason.name.partition(':')[0]}: {reason.new}" if reason.kind == "upstream" else str(reason)
+
+
+def say_quality(notes: Mapping[str, Sequence[str]]) -> None:
+    """Say which recordings are not as they should be: built, or fresh, is not all there is to say of them."""
+    found = {subject: texts for subject, texts in notes.items() if texts}
+    if not found:
+        return
+    say(f"{_count(len(found), 'recording')} not ok (`garment show NAME` says all that is known of one):")
+    for subject, texts in list(found.items())[:_SHOWN]:
+        for text in texts:
+            say(f"  {subject}: {text}")
+    if len(found) > _SHOWN:
+        say(f"  ... and {len(found) - _SHOWN} more: `garment list quality!=ok`")
+
+
+def say_partial(session: Session) -> None:
+    """Say which groups a selection leaves out."""
+    if session.partial_groups:
+        names = ", ".join(dict.fromkeys(node.subject for node in session.partial_groups))
+        say(f"left out, since not all of their recordings are selected: {names}")
+
+
+def results_text(count: int) -> str:
+    """Return a number of results in words."""
+    return _count(count, "result")
+
+
+def _count(number: int, what: str) -> str:
+    return f"{number} {what}" if number == 1 else f"{number} {what}s"
+
+
+def recordings_text(session: Session) -> str:
+    """Return in words how many recordings a session builds."""
+    count = len({row.recording for row in session.selection.rows} & {node.subject for node in session.graph})
+    return _count(count, "recording")
