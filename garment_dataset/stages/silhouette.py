@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
@@ -25,6 +24,7 @@ if TYPE_CHECKING:
     import pyarrow as pa
     from numpy.typing import NDArray
 
+    from garment_dataset.arrays import BoolArray
     from garment_dataset.vision.color.background import Background
     from garment_dataset.vision.color.silhouette import BackgroundSubtractor
 
@@ -159,13 +159,15 @@ def silhouette(
     Warns
     -----
     DataWarning
-        Of frames without a known gripper.
+        Of frames without a known gripper; of a clip that keeps next to nothing, a background that explains next to
+        nothing, and a drift of brightness so large that it is no drift.
     """
     from garment_dataset.bags import open_bag
 
     require_images(frames, "color", bag.name)
     model = background_model(background)
-    subtractor = _subtractor(model, params)
+    clip = _clip(model, params)
+    subtractor = _subtractor(model, clip, params)
     stamps_ns = usable_stamps_ns(frames, "color")
     grippers = _grippers(bag, camera, gripper) if params.remove_gripper else {}
     rows: list[Row] = []
@@ -176,19 +178,53 @@ def silhouette(
     if unknown := [row["frame"] for row in rows if row.get("reason") == "no_gripper"]:
         text = f"{bag.name}: the gripper is not known in {len(unknown)} of {len(rows)} colour frames"
         warnings.warn(f"{text}, first in frame {unknown[0]}; they have no silhouette", DataWarning, stacklevel=2)
+    _warn_of_picture(bag.name, rows, model.mean.shape[0] * model.mean.shape[1], clip)
     names = [column.name for column in SILHOUETTES.columns]
     return {"silhouettes": SILHOUETTES.table({name: [row.get(name) for row in rows] for name in names})}
 
 
-def _subtractor(model: Background, params: SilhouetteParams) -> BackgroundSubtractor:
+_LEAST_CLIP = 0.02
+"""Share of the picture: a hanging garment alone fills some 3 to 15 % of it."""
+
+_MOST_CHANGED = 0.6
+"""Share of the clip that differs from the background in the median frame: a garment leaves most of it free."""
+
+_MOST_DRIFT_LEVELS = 20.0
+"""Real cameras drift by 1 to 5 grey levels; lamps that were switched by tens."""
+
+
+def _clip(model: Background, params: SilhouetteParams) -> BoolArray | None:
+    """Return where a garment can be; None: anywhere."""
     from garment_dataset.vision.color.masks import polygon_mask, suggest_clip_mask
+
+    if params.clip_polygon:
+        return polygon_mask(params.clip_polygon, *model.mean.shape[:2])
+    if params.clip == "none":
+        return None
+    suggested = suggest_clip_mask(model)
+    return suggested if suggested.any() else None  # nothing is monochrome: nothing speaks for one place
+
+
+def _warn_of_picture(where: str, rows: list[Row], pixels: int, clip: BoolArray | None) -> None:
+    import numpy as np
+
+    kept = pixels if clip is None else int(clip.sum())
+    if kept < _LEAST_CLIP * pixels:
+        text = f"{where}: garments are looked for in {kept / pixels:.1%} of the picture"
+        warnings.warn(f"{text}; `garment mask` suggests a clip_polygon", DataWarning, stacklevel=3)
+    areas = [row.get("area_px2", 0) for row in rows]
+    if areas and np.median(areas) > _MOST_CHANGED * kept:
+        text = f"{where}: the median silhouette fills {np.median(areas) / kept:.0%} of where garments are looked for"
+        warnings.warn(f"{text}; the background seems to be of another scene", DataWarning, stacklevel=3)
+    drifts = [abs(row[name]) for row in rows for name in ("drift_r", "drift_g", "drift_b") if name in row]
+    if drifts and max(drifts) > _MOST_DRIFT_LEVELS:
+        text = f"{where}: brightness drifts from the background's by up to {max(drifts):.0f} grey levels"
+        warnings.warn(f"{text}; masks may be wrong where the light changed", DataWarning, stacklevel=3)
+
+
+def _subtractor(model: Background, clip: BoolArray | None, params: SilhouetteParams) -> BackgroundSubtractor:
     from garment_dataset.vision.color.silhouette import BackgroundSubtractor
 
-    clip: NDArray[np.bool_] | None = None
-    if params.clip_polygon:
-        clip = polygon_mask(params.clip_polygon, *model.mean.shape[:2])
-    elif params.clip == "auto" and not (clip := suggest_clip_mask(model)).any():
-        clip = None  # nothing is monochrome: nothing speaks for one place against another
     return BackgroundSubtractor(
         model,
         clip,
@@ -210,6 +246,8 @@ def _measure(
     """Return what one frame shows, or why it shows nothing."""
     import numpy as np
 
+    from garment_dataset.vision.color.masks import disc_mask
+
     if pixels.shape != model.mean.shape:
         return {"reason": "image_size"}
     if params.remove_gripper and held is None:
@@ -220,11 +258,13 @@ def _measure(
         drift = None
     if drift is not None:
         row |= dict(zip(("drift_r", "drift_g", "drift_b"), drift.tolist(), strict=True))
+    shape = pixels.shape[:2]
+    radius_px = 0.0 if held is None else params.gripper_radius_m * held.px_per_m
     mask = subtractor.silhouette(
         pixels,
         drift=drift,
         top_v_px=None if held is None else held.v_px,
-        gripper=None if held is None else _surroundings(held, pixels.shape[:2], params.gripper_radius_m),
+        gripper=None if held is None or radius_px == 0 else disc_mask((held.u_px, held.v_px), radius_px, *shape),
     )
     found = describe_mask(mask)
     return {**row, **(found if found.get("area_px2", 0) >= params.min_area_px2 else {"reason": "no_garment"})}
@@ -261,23 +301,6 @@ def describe_mask(mask: NDArray[np.bool_]) -> Row:
         "outline_u_px": outline[:, 0],
         "outline_v_px": outline[:, 1],
     }
-
-
-def _surroundings(held: _Gripper, shape: tuple[int, ...], radius_m: float) -> NDArray[np.bool_] | None:
-    """Return the disc around the end point; None when it is empty."""
-    import numpy as np
-
-    if radius_m == 0:
-        return None
-    disc = np.zeros(shape, np.bool_)
-    radius_px = radius_m * held.px_per_m
-    first_v, first_u = (max(0, math.floor(middle - radius_px)) for middle in (held.v_px, held.u_px))
-    box = disc[
-        first_v : max(0, math.ceil(held.v_px + radius_px) + 1), first_u : max(0, math.ceil(held.u_px + radius_px) + 1)
-    ]
-    v_px, u_px = np.ogrid[first_v : first_v + box.shape[0], first_u : first_u + box.shape[1]]
-    box[...] = (u_px - held.u_px) ** 2 + (v_px - held.v_px) ** 2 <= radius_px**2
-    return disc
 
 
 def _grippers(bag: Path, camera: pa.Table, gripper: pa.Table) -> Mapping[int, _Gripper]:

@@ -30,7 +30,7 @@ def frames(depth: Sequence[int | None], color: Sequence[int | None] = (), axis: 
         for stream, stamps in (("depth", depth), ("color", color))
         for index, at in enumerate(stamps)
     ]
-    texts = [pa.field(name, pa.string()) for name in ("axis", "stream", "fault")]
+    texts: list[pa.Field[Any]] = [pa.field(name, pa.string()) for name in ("axis", "stream", "fault")]
     return pa.Table.from_pylist(rows, pa.schema([*texts, pa.field("stamp_ns", pa.int64())]))
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -197,7 +198,8 @@ def test_a_brighter_picture_changes_nothing_once_drift_is_allowed_for(run: Any) 
     assert decode_mask(brighter["mask"]).sum() == decode_mask(plain["mask"]).sum() == 1200
     for name in ("drift_r", "drift_g", "drift_b"):
         assert brighter[name] - plain[name] == pytest.approx(9, abs=0.05)
-    (ignored,) = run(with_sheet(0, gain=9), params=EXACT.model_copy(update={"drift": False}))
+    with pytest.warns(DataWarning, match="background seems to be of another scene"):
+        (ignored,) = run(with_sheet(0, gain=9), params=EXACT.model_copy(update={"drift": False}))
     assert ignored["drift_r"] is None
     assert ignored["area_px2"] > 2 * 1200
 
@@ -250,3 +252,31 @@ def test_no_images_and_a_missing_camera_are_refused(run: Any, recorder: Any, col
 def test_parameters_that_make_no_sense_are_refused(wrong: dict[str, Any]) -> None:
     with pytest.raises(ValidationError):
         SilhouetteParams.model_validate(wrong)
+
+
+def notes_of(run: Any, *pictures: Picture, **kwargs: Any) -> list[str]:
+    with warnings.catch_warnings(record=True) as caught:
+        warnings.simplefilter("always")
+        run(*pictures, **kwargs)
+    return [str(one.message) for one in caught]
+
+
+def test_a_clip_that_keeps_next_to_nothing_is_said(run: Any) -> None:
+    corner = SilhouetteParams(clip_polygon=((0, 0), (5, 0), (5, 5), (0, 5)))
+    assert any("garments are looked for in 0." in note for note in notes_of(run, with_sheet(0), params=corner))
+    assert notes_of(run, with_sheet(0)) == []
+
+
+def test_a_background_of_another_scene_is_said(run: Any, color_tables: Any, scene: Any) -> None:
+    rows = scene.to_pylist()
+    for row in rows:
+        row["mean"] = 255 - np.array(row["mean"])
+    params = SilhouetteParams(clip="none", drift=False, remove_gripper=False)
+    said = notes_of(run, with_sheet(0), params=params, background=color_tables.of(BACKGROUND, rows))
+    assert any("the background seems to be of another scene" in note for note in said)
+
+
+def test_light_that_was_switched_is_said(run: Any) -> None:
+    brighter = np.clip(with_sheet(0).astype(np.int16) + 23, 0, 255).astype(np.uint8)
+    said = notes_of(run, with_sheet(1), brighter, params=SilhouetteParams(clip="none"))
+    assert any("brightness drifts from the background's by up to 2" in note for note in said)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import struct
 import zlib
 from typing import TYPE_CHECKING
@@ -101,6 +102,31 @@ def polygon_mask(polygon: Sequence[tuple[float, float]], height_px: int, width_p
     mask = np.zeros((height_px, width_px), np.uint8)
     cv2.fillPoly(mask, [np.rint(polygon).astype(np.int32)], 1)
     return mask.view(np.bool_)
+
+
+def disc_mask(centre_px: tuple[float, float], radius_px: float, height_px: int, width_px: int) -> BoolArray:
+    """Return the pixels whose centres are within a radius.
+
+    Parameters
+    ----------
+    centre_px : (u, v)
+        In pixels; may be outside of the image.
+    radius_px : float
+        How far from it.
+    height_px, width_px : int
+        Of the image.
+
+    Returns
+    -------
+    (H, W) bool
+    """
+    disc = np.zeros((height_px, width_px), np.bool_)
+    u, v = centre_px
+    first_u, first_v = (max(0, math.floor(middle - radius_px)) for middle in centre_px)
+    box = disc[first_v : max(0, math.ceil(v + radius_px) + 1), first_u : max(0, math.ceil(u + radius_px) + 1)]
+    v_px, u_px = np.ogrid[first_v : first_v + box.shape[0], first_u : first_u + box.shape[1]]
+    box[...] = (u_px - u) ** 2 + (v_px - v) ** 2 <= radius_px**2
+    return disc
 
 
 def square(side_px: int) -> ByteMask:
