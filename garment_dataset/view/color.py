@@ -58,7 +58,7 @@ def draw_color(figure: Figure, frame: ColorFrame, title: str) -> None:
         if found:
             _draw_outline(axes, frame.silhouette)
             _draw_axes(axes, frame.silhouette)
-            axes.plot(frame.curve["u_px"], frame.curve["v_px"], ".-", color="red", markersize=4, label="central curve")
+            _draw_curve(axes, frame.curve)
         _draw_gripper(axes, frame.silhouette)
     if found:
         u, v, width, height = (frame.silhouette[f"box_{name}_px"] for name in ("u", "v", "width", "height"))
@@ -66,7 +66,7 @@ def draw_color(figure: Figure, frame: ColorFrame, title: str) -> None:
         close.set(xlim=(u - margin, u + width + margin), ylim=(v + height + margin, v - margin))
     height_px, width_px = frame.pixels.shape[:2]
     whole.set(xlim=(-0.5, width_px - 0.5), ylim=(height_px - 0.5, -0.5))  # axes may reach beyond the image
-    whole.legend(loc="lower left")
+    whole.legend(loc="lower left", fontsize="small", facecolor="0.3", labelcolor="white")
 
 
 def draw_clip(
@@ -95,9 +95,16 @@ def draw_clip(
     axes.legend(loc="lower left")
 
 
+def _draw_curve(axes: Axes, curve: pd.DataFrame) -> None:
+    """Draw the central curve white within black: seen on cloth of any colour, and by any eye."""
+    axes.plot(curve["u_px"], curve["v_px"], color="black", linewidth=3.5)
+    axes.plot(curve["u_px"], curve["v_px"], ".-", color="white", linewidth=1.5, markersize=4, label="central curve")
+
+
 def _draw_outline(axes: Axes, silhouette: Mapping[str, Any]) -> None:
     u, v = (np.append(values, values[0]) for values in (silhouette["outline_u_px"], silhouette["outline_v_px"]))
-    axes.plot(u, v, color="yellow", linewidth=0.8, label="outline")
+    axes.plot(u, v, color="black", linewidth=2)
+    axes.plot(u, v, color="#F0E442", linewidth=0.9, label="outline")
 
 
 def _draw_axes(axes: Axes, silhouette: Mapping[str, Any]) -> None:
@@ -108,7 +115,12 @@ def _draw_axes(axes: Axes, silhouette: Mapping[str, Any]) -> None:
         u, v = half * np.cos(angle), -half * np.sin(angle)
         label = "axes" if name == "major" else None
         axes.plot(
-            [centre[0] - u, centre[0] + u], [centre[1] - v, centre[1] + v], color="cyan", linewidth=1, label=label
+            [centre[0] - u, centre[0] + u],
+            [centre[1] - v, centre[1] + v],
+            "--",
+            color="#56B4E9",
+            linewidth=1.5,
+            label=label,
         )
 
 

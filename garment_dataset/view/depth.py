@@ -10,8 +10,17 @@ import numpy as np
 if TYPE_CHECKING:
     import pandas as pd
     from matplotlib.axes import Axes
+    from matplotlib.colors import Colormap
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
+
+
+POINT_COLORS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7", "#E69F00", "#56B4E9", "#F0E442")
+POINT_MARKERS = ("o", "s", "^", "D", "v", "P", "X")
+"""One for each point, from the gripper down: colours that the colour-blind tell apart (Okabe and Ito), and shapes."""
+
+_ROOM_SHARE, _ROOM_M = 0.15, 0.01
+"""Room beyond the garment's own depths in the scale of colours, and the least of it."""
 
 
 @dataclass(frozen=True)
@@ -49,14 +58,31 @@ def draw_depth(figure: Figure, frame: DepthFrame, title: str, *, band_half_width
     title : str
         Stands above.
     band_half_width_m : float
-        Depths farther than this from the gripper's are drawn pale.
+        Depths farther than this from the gripper's are outside of the scale of colours in any case.
     """
     image, profile = figure.subplots(1, 2, width_ratios=(3, 2))
-    figure.suptitle(title)
     points = frame.points.dropna(subset=["z_m"])
-    centre_m = _centre_m(frame)
-    _draw_image(image, frame, points, centre_m, band_half_width_m)
+    figure.suptitle(f"{title}{_reasons(frame.points)}")
+    _draw_image(image, frame, points, _limits_m(frame, band_half_width_m))
     _draw_profile(profile, frame, points)
+
+
+def _reasons(points: pd.DataFrame) -> str:
+    """Say why points are missing, if any are."""
+    missing = points[points["z_m"].isna()]
+    counts = missing["reason"].value_counts()
+    return "".join(f"; {count} without a point: {reason}" for reason, count in counts.items())
+
+
+def _limits_m(frame: DepthFrame, band_half_width_m: float) -> tuple[float, float]:
+    """Return the depths between which colour changes: the garment's own, within the band around the gripper."""
+    centre_m = _centre_m(frame)
+    near_m, far_m = centre_m - band_half_width_m, centre_m + band_half_width_m
+    if frame.chain.empty:
+        return near_m, far_m
+    nearest_m, farthest_m = float(frame.chain["z_m"].min()), float(frame.chain["z_m"].max())
+    room_m = max(_ROOM_SHARE * (farthest_m - nearest_m), _ROOM_M)
+    return max(near_m, nearest_m - room_m), min(far_m, farthest_m + room_m)
 
 
 def _centre_m(frame: DepthFrame) -> float:
@@ -66,17 +92,20 @@ def _centre_m(frame: DepthFrame) -> float:
     return float(np.median(seen)) * 1e-3 if seen.size else 1.0
 
 
-def _draw_image(axes: Axes, frame: DepthFrame, points: pd.DataFrame, centre_m: float, band_m: float) -> None:
+def _draw_image(axes: Axes, frame: DepthFrame, points: pd.DataFrame, limits_m: tuple[float, float]) -> None:
     depth_m = np.where(frame.depth_mm == 0, np.nan, frame.depth_mm * 1e-3)
-    limits = (centre_m - band_m, centre_m + band_m)
     axes.set_facecolor("0.85")
-    shown = axes.imshow(depth_m, cmap="viridis_r", vmin=limits[0], vmax=limits[1], interpolation="nearest")
-    bar = axes.figure.colorbar(shown, ax=axes, orientation="horizontal", shrink=0.7, pad=0.08)
-    bar.set_label("depth [m]; grey: no return")
+    # what is nearer or farther than the garment keeps out of its colours
+    colors = _cividis()
+    shown = axes.imshow(depth_m, cmap=colors, vmin=limits_m[0], vmax=limits_m[1], interpolation="nearest")
+    bar = axes.figure.colorbar(shown, ax=axes, orientation="horizontal", shrink=0.7, pad=0.08, extend="both")
+    bar.set_label("depth [m]; light grey: no return, white: farther, black: nearer")
     u, v = _project(frame.chain, frame.camera)
     axes.plot(u, v, color="white", linewidth=1, label="chain")
     u, v = _project(points, frame.camera)
-    axes.plot(u, v, "o", color="red", markersize=5, markeredgecolor="white", label="points")
+    axes.plot(u, v, color="none")
+    for number, (point_u, point_v, point) in enumerate(zip(u, v, points["point"], strict=True)):
+        _draw_point(axes, point_u, point_v, int(point), label="points, from the gripper" if not number else None)
     if frame.gripper is not None and not np.isnan(frame.gripper["z_m"]):
         u, v = _project(frame.gripper.to_frame().T, frame.camera)
         axes.plot(u, v, "x", color="black", markersize=9, markeredgewidth=2, label="gripper")
@@ -86,16 +115,16 @@ def _draw_image(axes: Axes, frame: DepthFrame, points: pd.DataFrame, centre_m: f
 
 def _draw_profile(axes: Axes, frame: DepthFrame, points: pd.DataFrame) -> None:
     axes.plot(frame.chain["z_m"], frame.chain["y_m"], color="0.4", linewidth=1, label="chain")
-    axes.errorbar(
-        points["z_m"],
-        points["y_m"],
-        xerr=2 * points["z_std_m"],
-        yerr=2 * points["y_std_m"],
-        fmt="o",
-        color="red",
-        capsize=2,
-        label="points, ±2 standard uncertainties",
-    )
+    numbers = points["point"].to_numpy(np.int64)
+    places = points[["z_m", "y_m", "z_std_m", "y_std_m"]].to_numpy(np.float64)
+    for index, (number, (z_m, y_m, z_std_m, y_std_m)) in enumerate(zip(numbers, places, strict=True)):
+        label = None if index else "points, ±2 standard uncertainties"
+        color = POINT_COLORS[(number - 1) % len(POINT_COLORS)]
+        axes.errorbar(
+            z_m, y_m, xerr=2 * z_std_m, yerr=2 * y_std_m, fmt="none", ecolor=color, capsize=3, elinewidth=2, label=label
+        )
+        _draw_point(axes, z_m, y_m, int(number))
+    _draw_bridges(axes, frame.chain)
     if frame.gripper is not None:
         axes.plot(frame.gripper["z_m"], frame.gripper["y_m"], "x", color="black", markersize=9, label="gripper")
     axes.invert_yaxis()
@@ -103,6 +132,25 @@ def _draw_profile(axes: Axes, frame: DepthFrame, points: pd.DataFrame) -> None:
     axes.set(xlabel="z, forward [m]", ylabel="y, down [m]", title="profile")
     axes.grid(alpha=0.3)
     axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.14), fontsize="small")
+
+
+def _draw_point(axes: Axes, x: float, y: float, number: int, label: str | None = None) -> None:
+    """Draw a point of its own shape and colour: neither alone tells it apart on every printer and to every eye."""
+    style = (number - 1) % len(POINT_COLORS)
+    axes.plot(x, y, POINT_MARKERS[style], color=POINT_COLORS[style], markersize=8, markeredgecolor="white", label=label)
+
+
+def _draw_bridges(axes: Axes, chain: pd.DataFrame) -> None:
+    """Mark the samples of the chain that no pixel carries."""
+    bridged = chain[chain["pixels"] == 0]
+    if len(bridged):
+        axes.plot(bridged["z_m"], bridged["y_m"], ".", color="0.7", markersize=4, label="bridged: no pixels")
+
+
+def _cividis() -> Colormap:
+    from matplotlib import colormaps
+
+    return colormaps["cividis_r"].with_extremes(under="black", over="white")
 
 
 def _project(rows: pd.DataFrame, camera: pd.Series[float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -48,13 +48,33 @@ def save_frame(workspace: Layout, row: CatalogRow, frame: int, path: Path, *, st
     """
     chosen: Stream = stream or ("depth" if row.axis == "R" else "color")
     figure = new_figure()
-    images = _rows(workspace, "frames", row.recording).query("stream == @chosen and fault.isnull()")
-    if frame not in set(images["frame"]):
-        last = images["frame"].max()
-        raise UsageError(f"no such usable {chosen} frame", where=row.recording, expected=f"0 to {last}", found=frame)
+    images = _rows(workspace, "frames", row.recording).query("stream == @chosen")
+    check_usable(images, row.recording, frame, chosen)
     draw = _draw_depth if chosen == "depth" else _draw_color
     draw(figure, workspace, row, frame, _pixels(row, frame, str(images["topic"].iloc[0]), chosen))
     figure.savefig(path, dpi=110)
+
+
+def check_usable(images: pd.DataFrame, recording: str, frame: int, stream: Stream) -> None:
+    """Refuse a frame that is not there, or of which nothing can be drawn, with the reason.
+
+    Raises
+    ------
+    UsageError
+        With the frames that there are, or with the fault of this one.
+    """
+    usable = images[images["fault"].isna()]
+    if images.empty:
+        raise UsageError(f"no {stream} images", where=recording, hint="`garment show` says which topics there are.")
+    if frame not in set(images["frame"]):
+        raise UsageError(
+            f"no such {stream} frame", where=recording, expected=f"0 to {images['frame'].max()}", found=frame
+        )
+    if frame not in set(usable["frame"]):
+        fault = images.loc[images["frame"] == frame, "fault"].iloc[0]
+        nearest = None if usable.empty else min(usable["frame"], key=lambda other: abs(other - frame))
+        hint = "Not one of them can be used." if nearest is None else f"The nearest that can be drawn is {nearest}."
+        raise UsageError(f"{stream} frame {frame} is not used", where=recording, found=fault, hint=hint)
 
 
 def _draw_depth(figure: Figure, workspace: Layout, row: CatalogRow, frame: int, pixels: NDArray[Any]) -> None:
