@@ -18,27 +18,12 @@ from pathlib import Path
 STAGES = 4
 ROUNDS = 5
 TOY = """
-from __future__ import annotations
-
-from typing import TYPE_CHECKING
+from pathlib import Path
 
 from garment_dataset.engine.stage import Stage, StageParams
+from garment_dataset.engine.table import Column, TableSpec
 
-if TYPE_CHECKING:
-    from pathlib import Path
-
-    import pyarrow as pa
-
-
-class Output:
-    def __init__(self, name):
-        self.name = name
-
-    def finish(self, table, labels):
-        return table
-
-    def describe(self):
-        return {}
+TABLE = TableSpec("table{n}", 1, "one subject", (Column("value", "int64", "1", "a number"),))
 
 
 class Params(StageParams):
@@ -46,24 +31,20 @@ class Params(StageParams):
 
 """
 SOURCE = """
-def stage0(bag: Path, params: Params):
-    import pyarrow as pa
-
-    return {"table0": pa.table({"value": [int(bag.read_text())]})}
+def stage0(text: Path, params: Params):
+    return {"table0": TABLE.table({"value": [int(text.read_text())]})}
 
 
-STAGE = Stage(stage0, params=Params, outputs=(Output("table0"),))
+STAGE = Stage(stage0, params=Params, outputs=(TABLE,), sources=frozenset({"text"}))
 """
 STEP = """
-def stage{n}(table{m}: pa.Table, params: Params):
-    import pyarrow as pa
-
-    return {{"table{n}": pa.table({{"value": table{m}["value"]}})}}
+def stage{n}(table{m}, params: Params):
+    return {{"table{n}": TABLE.table({{"value": table{m}["value"]}})}}
 
 
-STAGE = Stage(stage{n}, params=Params, outputs=(Output("table{n}"),))
+STAGE = Stage(stage{n}, params=Params, outputs=(TABLE,))
 """
-RUN = """
+IMPORTS = """
 import importlib, sys
 from pathlib import Path
 import garment_dataset
@@ -71,7 +52,8 @@ from garment_dataset.engine.code import CodeCache
 from garment_dataset.engine.graph import Graph, Node, NodeId
 from garment_dataset.engine.plan import make_plan
 from garment_dataset.engine.store import Store
-
+"""
+RUN = """
 root = Path.cwd()
 stages = [importlib.import_module(f"toy{n}").STAGE for n in range(int(sys.argv[1]))]
 nodes = []
@@ -79,7 +61,7 @@ params = [stage.params() for stage in stages]
 for path in sorted((root / "sources").iterdir()):
     for n, stage in enumerate(stages):
         inputs = {} if n == 0 else {f"table{n - 1}": NodeId(f"stage{n - 1}", path.name)}
-        nodes.append(Node(stage, path.name, params[n], sources={} if n else {"bag": path}, inputs=inputs))
+        nodes.append(Node(stage, path.name, params[n], sources={} if n else {"text": path}, inputs=inputs))
 graph = Graph(nodes)
 package = Path(garment_dataset.__file__).parent
 roots = {"garment_dataset": package} | {f"toy{n}": root / f"toy{n}.py" for n in range(len(stages))}
@@ -89,13 +71,13 @@ store = Store(root / "private", root / "features")
 plan = make_plan(graph, codes, store)
 if not plan.is_fresh:
     from garment_dataset.engine.executors import Pool, local_executor
-    from garment_dataset.engine.run import Build, Options
+    from garment_dataset.engine.run import Options, Run
 
-    build = Build(
+    run = Run(
         graph, plan, codes=codes, code_cache=cache, store=store, pool=Pool(lambda: local_executor(0)),
         options=Options(), emit=lambda event: None,
     )
-    build.run()
+    run.finish()
 store.close()
 """
 
@@ -111,7 +93,7 @@ def main() -> None:
         write_project(root, subjects)
         engine = [sys.executable, "run.py", str(STAGES)]
         make = ["make", "--silent", "-f", "toy.mk"]
-        start = median_of([sys.executable, "-c", "import garment_dataset.workspace.session"], root, ROUNDS)
+        start = median_of([sys.executable, "-c", IMPORTS], root, ROUNDS)
         rows = [("engine", "cold", timed(engine, root)), ("make", "cold", timed(make, root))]
         rows += [("engine", "nothing to do", median_of(engine, root, ROUNDS))]
         rows += [("make", "nothing to do", median_of(make, root, ROUNDS))]
@@ -129,10 +111,10 @@ def write_project(root: Path, subjects: int) -> None:
     (root / "made").mkdir()
     for number in range(subjects):
         (root / "sources" / f"{number:04}").write_text(str(number))
-    (root / "toy0.py").write_text(TOY + SOURCE)
+    (root / "toy0.py").write_text(TOY.format(n=0) + SOURCE)
     for number in range(1, STAGES):
-        (root / f"toy{number}.py").write_text(TOY + STEP.format(n=number, m=number - 1))
-    (root / "run.py").write_text(RUN)
+        (root / f"toy{number}.py").write_text((TOY + STEP).format(n=number, m=number - 1))
+    (root / "run.py").write_text(IMPORTS + RUN)
     names = [f"{number:04}" for number in range(subjects)]
     rules = [f"all: {' '.join(f'made/{name}.{STAGES - 1}' for name in names)}"]
     for name in names:

@@ -86,7 +86,11 @@ class UntraceableCodeError(ReportedError):
 
 
 class SourceError(ReportedError):
-    """An external input that cannot be read, or that changed while it was read."""
+    """An external input that cannot be read."""
+
+
+class SourceChangedError(SourceError):
+    """An external input that changed while it was read."""
 
 
 class TableError(ReportedError):

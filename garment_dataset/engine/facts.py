@@ -10,7 +10,8 @@ from garment_dataset.engine.index import FORMAT
 from garment_dataset.engine.stage import NOTES
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from pathlib import Path
 
     from garment_dataset.engine.code import Code
     from garment_dataset.engine.graph import Node, NodeId
@@ -52,6 +53,18 @@ def member_input(table: str, subject: str) -> str:
 
 
 _OF = " of "
+_ORDER = "order"
+
+
+def input_digests(
+    node: Node, of_source: Callable[[Path], str], of_table: Callable[[NodeId, str], str | None]
+) -> dict[str, str | None]:
+    """Return the content digests of all that a node reads, by the names that stand in its facts."""
+    found: dict[str, str | None] = {name: of_source(path) for name, path in node.sources.items()}
+    found |= {table: of_table(feeder, table) for table, feeder in node.inputs.items()}
+    for table, members in node.gathers.items():
+        found |= {member_input(table, feeder.subject): of_table(feeder, table) for feeder in members}
+    return found
 
 
 def node_facts(
@@ -82,13 +95,25 @@ def node_facts(
         "partition": node.partition,
         "inputs": dict(inputs),
     }
-    return facts | {NOTES: {name: list(said) for name, said in notes.items()}} if node.stage.takes_notes else facts
+    if node.gathers:
+        facts[_ORDER] = {table: [feeder.subject for feeder in members] for table, members in node.gathers.items()}
+    if node.stage.takes_notes:
+        facts[NOTES] = {name: list(said) for name, said in notes.items()}
+    return facts
 
 
 def notes_of(node: Node, results: Mapping[NodeId, Result]) -> dict[str, tuple[str, ...]]:
-    """Return what the nodes that feed one said, by their stage."""
-    found = {feeder.stage: results[feeder].notes for feeder in node.feeders if feeder in results}
-    return dict(sorted(found.items())) if node.stage.takes_notes else {}
+    """Return what the nodes that feed one said, by their stage; those of several subjects name the subject."""
+    if not node.stage.takes_notes:
+        return {}
+    single = set(node.inputs.values())
+    found: dict[str, tuple[str, ...]] = {}
+    for feeder in node.feeders:
+        if feeder in results:
+            said = results[feeder].notes
+            named = said if feeder in single else tuple(f"{feeder.subject}: {note}" for note in said)
+            found[feeder.stage] = (*found.get(feeder.stage, ()), *named)
+    return dict(sorted(found.items()))
 
 
 def node_key(facts: Mapping[str, Any]) -> str:
@@ -105,12 +130,9 @@ def fact_reasons(old: Mapping[str, Any], new: Mapping[str, Any], node: Node, cod
     ]
     if old["code"] != new["code"]:
         reasons += [Reason("code", symbol, new=how) for symbol, how in code.changes_since(old["code"])]
-    for name in sorted(set(old["inputs"]) | set(new["inputs"])):
-        if _OF in name:
-            reasons += _member_reasons(name, old["inputs"], new["inputs"])
-        elif (before := old["inputs"].get(name)) != (now := new["inputs"].get(name)):
-            kind = "source" if name in node.stage.sources else "input"
-            reasons.append(Reason(kind, name, before and before[:12], now and now[:12]))
+    reasons += _input_reasons(old["inputs"], new["inputs"], node)
+    if not any(reason.kind == "member" for reason in reasons) and old.get(_ORDER) != new.get(_ORDER):
+        reasons.append(Reason("member", _ORDER, new="changed"))
     for stage in sorted({*old.get(NOTES, {}), *new.get(NOTES, {})}):
         if old.get(NOTES, {}).get(stage) != new.get(NOTES, {}).get(stage):
             reasons.append(Reason("note", stage, new="it says something else"))
@@ -121,13 +143,15 @@ def fact_reasons(old: Mapping[str, Any], new: Mapping[str, Any], node: Node, cod
     return tuple(reasons)
 
 
-def _member_reasons(name: str, old: Mapping[str, str | None], new: Mapping[str, str | None]) -> Iterator[Reason]:
-    """Yield how a member of a group differs: added, gone, no longer or again to be had, or changed."""
-    if name not in old or name not in new:
-        yield Reason("member", name, new="added" if name in new else "gone")
-    elif old[name] != new[name]:
-        before, now = ("left out" if digest is None else digest[:12] for digest in (old[name], new[name]))
-        yield Reason("member", name, before, now)
+def _input_reasons(old: Mapping[str, str | None], new: Mapping[str, str | None], node: Node) -> Iterator[Reason]:
+    """Yield how each input differs: added, gone, no longer or again to be had, or changed."""
+    for name in sorted({*old, *new}):
+        kind = "member" if _OF in name else "source" if name in node.stage.sources else "input"
+        if name not in old or name not in new:
+            yield Reason(kind, name, new="added" if name in new else "gone")
+        elif old[name] != new[name]:
+            before, now = ("left out" if digest is None else digest[:12] for digest in (old[name], new[name]))
+            yield Reason(kind, name, before, now)
 
 
 def _changed(kind: str, old: Mapping[str, Any], new: Mapping[str, Any]) -> list[Reason]:

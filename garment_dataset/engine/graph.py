@@ -45,8 +45,8 @@ class Node:
     inputs : mapping of str to NodeId
         For an input table of one subject, the node that makes it.
     gathers : mapping of str to tuple of NodeId
-        For an input table of several subjects, the nodes that make it, in order. One that cannot be had is left out,
-        and the result says so; when none can, this node is blocked.
+        For an input table of several subjects, the nodes that make it, one a subject, in order. One that cannot be had
+        is left out, and the result says so; when none can, this node is blocked.
     labels : tuple of Label
         What the result's identity columns say.
     partition : str
@@ -79,6 +79,11 @@ class Node:
         gathered = (feeder for feeders in self.gathers.values() for feeder in feeders)
         return tuple(dict.fromkeys((*self.inputs.values(), *gathered)))
 
+    @property
+    def empty_groups(self) -> tuple[str, ...]:
+        """What is lacking of tables that it gathers, where no subject has them."""
+        return tuple(f"{table} of any subject" for table, members in self.gathers.items() if not members)
+
 
 class Graph:
     """Nodes in an order in which every node comes after those that feed it.
@@ -97,6 +102,9 @@ class Graph:
         for node in nodes:
             if node.id in given:
                 raise StageError("two nodes of one name", where=node.id)
+            for table, members in node.gathers.items():
+                if len({feeder.subject for feeder in members}) < len(members):
+                    raise StageError(f"gathers {table!r} of one subject twice", where=node.id)
             given[node.id] = node
         self._nodes: dict[NodeId, Node] = {}
         for node in given.values():

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.engine.facts import Reason, fact_reasons, member_input, node_facts, node_key, notes_of
+from garment_dataset.engine.facts import Reason, fact_reasons, input_digests, node_facts, node_key, notes_of
 from garment_dataset.engine.sources import SourceStat, stat_source
 from garment_dataset.engine.stage import NOTES
 
@@ -134,6 +134,10 @@ def make_plan(graph: Graph, codes: Mapping[str, Code], store: Store) -> Plan:
     return Plan(planner.decisions)
 
 
+_UNKNOWN = ""
+"""Stands for a digest that will be known only when something has been run or read."""
+
+
 class _Planner:
     """Decides node after node; what feeds a node has been decided before it."""
 
@@ -156,7 +160,8 @@ class _Planner:
         for members in node.gathers.values():
             if all(map(self._is_stuck, members)):
                 stuck += members
-        reasons = [Reason("upstream", str(feeder), new=self.decisions[feeder].state.value) for feeder in stuck]
+        reasons = [Reason("absent", empty) for empty in node.empty_groups]
+        reasons += [Reason("upstream", str(feeder), new=self.decisions[feeder].state.value) for feeder in stuck]
         return Decision(node.id, State.BLOCKED, tuple(reasons)) if reasons else None
 
     def _is_stuck(self, node_id: NodeId) -> bool:
@@ -184,33 +189,32 @@ class _Planner:
         return Decision(node.id, State.STALE, (*own, *reasons), certain=bool(own))
 
     def _own_reasons(self, old: Mapping[str, Any], node: Node) -> tuple[Reason, ...]:
-        """Return how a node differs from a result's facts by itself, its inputs left aside."""
+        """Return how a node differs from a result's facts for certain: as if all that is unknown came out as it was."""
+        inputs = {
+            name: old["inputs"].get(name) if found == _UNKNOWN else found for name, found in self._digests(node).items()
+        }
         code = self.codes[node.stage.name]
-        return fact_reasons(old, node_facts(node, code, old["inputs"], old.get(NOTES, {})), node, code)
+        return fact_reasons(old, node_facts(node, code, inputs, old.get(NOTES, {})), node, code)
 
     def _result_of(self, node_id: NodeId) -> Result | None:
         decision = self.decisions[node_id]
         settled = decision.state is State.FRESH or decision.stored
         return self.known.results[decision.key] if settled and decision.key is not None else None
 
-    def _content(self, feeder: NodeId, table: str) -> str:
+    def _digests(self, node: Node) -> dict[str, str | None]:
+        """Return what is known of a node's inputs; None for one that cannot be had."""
+        return input_digests(node, lambda path: self.known.source_digest(path) or _UNKNOWN, self._content)
+
+    def _content(self, feeder: NodeId, table: str) -> str | None:
+        if self._is_stuck(feeder):
+            return None
         result = self._result_of(feeder)
-        assert result is not None
-        return result.outputs[table].content
+        return _UNKNOWN if result is None else result.outputs[table].content
 
     def _certain(self, node: Node) -> Decision:
-        inputs: dict[str, str | None] = {
-            name: self.known.source_digest(path) or "" for name, path in node.sources.items()
-        }
-        for table, feeder in node.inputs.items():
-            inputs[table] = self._content(feeder, table)
-        for table, members in node.gathers.items():
-            for feeder in members:
-                content = None if self._is_stuck(feeder) else self._content(feeder, table)
-                inputs[member_input(table, feeder.subject)] = content
         code = self.codes[node.stage.name]
         fed = {feeder: result for feeder in node.feeders if (result := self._result_of(feeder)) is not None}
-        facts = node_facts(node, code, inputs, notes_of(node, fed))
+        facts = node_facts(node, code, self._digests(node), notes_of(node, fed))
         key = node_key(facts)
         published = self.known.published.get(node.id)
         found = self.known.results.get(key)

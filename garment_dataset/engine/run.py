@@ -13,13 +13,12 @@ from typing import TYPE_CHECKING, Any
 from garment_dataset.engine.events import Ending, Event, Report
 from garment_dataset.engine.index import Failure, Result, StoredOutput
 from garment_dataset.engine.plan import State
-from garment_dataset.engine.sources import SourceStat, stat_source
-from garment_dataset.engine.tasks import make_task
-from garment_dataset.engine.worker import Success, Task, Trouble, digest_task, run_task
+from garment_dataset.engine.sources import stat_source
+from garment_dataset.engine.tasks import find_obstacle, make_task
+from garment_dataset.engine.worker import Reading, Success, Task, Trouble, digest_task, run_task
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
-    from pathlib import Path
+    from collections.abc import Callable, Iterable, Mapping
 
     from garment_dataset.engine.code import Code, CodeCache
     from garment_dataset.engine.executors import Pool
@@ -95,18 +94,18 @@ class Run:
         self._digests = store.index.source_digests()
         self._nodes = list(graph)
         self._order = {node.id: number for number, node in enumerate(self._nodes)}
-        self._running: dict[Future[Any], tuple[Node, Task | tuple[Path, SourceStat]]] = {}
-        self._suspects: list[Node] = []
-        self._died: set[NodeId] = set()
+        self._running: dict[Future[Any], tuple[Node, Task | Reading]] = {}
+        self._twins: dict[str, list[Node]] = {}
+        self._made: set[str] = set()
+        self._troubles: dict[str, Trouble] = {}
+        self._suspects: dict[NodeId, Node] = {}
         self._done: dict[NodeId, Result] = {}
         self.report = Report()
-        self._twins: dict[str, list[Node]] = {}
         self._take_fresh()
-        open_nodes = {node.id for node in self._nodes if node.id not in self._done}
         self._waiting = {
-            node.id: sum(feeder not in self._done and feeder in open_nodes for feeder in node.feeders)
+            node.id: sum(feeder not in self._done for feeder in node.feeders)
             for node in self._nodes
-            if node.id in open_nodes
+            if node.id not in self._done
         }
         self._ready = [self._order[node_id] for node_id, count in self._waiting.items() if not count]
 
@@ -116,7 +115,8 @@ class Run:
         heapq.heapify(self._ready)
         try:
             while True:
-                self._fill()
+                while (node := self._next()) is not None:
+                    self._start(node)
                 if not self._running:
                     return self.report
                 self._collect()
@@ -129,26 +129,28 @@ class Run:
 
         A node that gathers what failed before is looked at again once that was tried again.
         """
+        if self._options.forced:
+            return
         for decision in self._plan:
-            if self._options.retry_failed and any(
-                feeder not in self._done for feeder in self._graph[decision.node].feeders
-            ):
+            feeders = self._graph[decision.node].feeders
+            if self._options.retry_failed and any(feeder not in self._done for feeder in feeders):
                 continue
-            if decision.state is State.FRESH and decision.key is not None and not self._options.forced:
+            if decision.state is State.FRESH and decision.key is not None:
                 found = self._results[decision.key]
                 self._done[decision.node] = found
                 self.report.events[decision.node] = Event(decision.node, Ending.FRESH, notes=found.notes)
 
-    def _fill(self) -> None:
-        """Start tasks. Those that were running when a worker died are tried again one by one, to find the culprit."""
-        while self._suspects and not self._running:
-            self._start(self._suspects.pop())
-        while self._ready and not self._suspects and len(self._running) < self._options.slots:
-            self._start(self._nodes[heapq.heappop(self._ready)])
+    def _next(self) -> Node | None:
+        """Return what to start now; whoever ran when a worker died is tried again alone, to find the culprit."""
+        if self._suspects:
+            return None if self._running else next(iter(self._suspects.values()))
+        if self._ready and len(self._running) < self._options.slots:
+            return self._nodes[heapq.heappop(self._ready)]
+        return None
 
     def _start(self, node: Node) -> None:
         """Bring a node as far as possible without work; submit what work it needs."""
-        if (obstacle := self._obstacle(node)) is not None:
+        if (obstacle := find_obstacle(node, self._done, self.report)) is not None:
             self._end(Event(node.id, Ending.BLOCKED, message=obstacle))
             return
         for path in node.sources.values():
@@ -157,38 +159,24 @@ class Run:
                 self._end(Event(node.id, Ending.BLOCKED, message=f"{path} is not there"))
                 return
             if self._digests.get(str(path), (None,))[0] != stat:
-                self._running[self._pool.submit(digest_task, path, stat)] = (node, (path, stat))
+                self._submit(node, digest_task, Reading(path, stat))
                 return
-        sources = {name: (path, *self._digests[str(path)]) for name, path in node.sources.items()}
+        sources = {path: self._digests[str(path)] for path in node.sources.values()}
         code = self._codes[node.stage.name]
-        task = make_task(node, code, sources, self._done, self._store.object_path, self._scratch_dir)
-        if self._settled(node, task):
-            return
-        if task.key in self._twins:
-            self._twins[task.key].append(node)
-            return
-        self._twins[task.key] = []
-        self._running[self._pool.submit(run_task, task)] = (node, task)
+        task = make_task(node, code, sources, self._done, self._store, self._scratch_dir)
+        if not self._settled(node, task.key):
+            self._submit(node, run_task, task)
 
-    def _obstacle(self, node: Node) -> str | None:
-        if node.blocked is not None:
-            return node.blocked
-        lacking = next((feeder for feeder in node.inputs.values() if feeder not in self._done), None)
-        for members in node.gathers.values():
-            if not any(feeder in self._done for feeder in members):
-                lacking = lacking or members[0]
-        return None if lacking is None else f"{lacking} {self.report.events[lacking].ending}"
-
-    def _settled(self, node: Node, task: Task) -> bool:
+    def _settled(self, node: Node, key: str) -> bool:
         """Deal with a node that needs no work: fresh, in the store already, or known to fail."""
-        if self._options.forced:
+        if key in self._troubles:
+            self._fail(node, key, self._troubles[key])
+            return True
+        if self._options.forced and key not in self._made:
             return False
-        found = self._results.get(task.key)
-        if (
-            found is not None
-            and self._published.get(node.id) == task.key
-            and self._store.is_published(found, node.variant)
-        ):
+        found = self._results.get(key)
+        is_published = not self._options.forced and self._published.get(node.id) == key
+        if found is not None and is_published and self._store.is_published(found, node.variant):
             self._end(Event(node.id, Ending.FRESH, notes=found.notes), found)
             return True
         if found is not None and self._store.holds(found):
@@ -196,50 +184,69 @@ class Run:
             self._end(Event(node.id, Ending.LINKED, notes=found.notes), found)
             return True
         failure = self._failures.get(node.id)
-        if failure is not None and failure.key == task.key and not self._options.retry_failed:
+        if failure is not None and failure.key == key and not self._options.retry_failed:
             self._end(Event(node.id, Ending.FAILED, message=failure.message, is_repeated=True))
             return True
         return False
 
+    def _submit(self, node: Node, function: Callable[[Any], Any], work: Task | Reading) -> None:
+        """Hand over work; a node that needs the very same as another looks again when that is done."""
+        if work.key in self._twins:
+            self._twins[work.key].append(node)
+            return
+        try:
+            future = self._pool.submit(function, work)
+        except BrokenProcessPool:
+            # a worker has died since the last look, before this node had any part in it
+            self._restart_pool()
+            self._look_again([node])
+            return
+        self._running[future] = node, work
+        self._twins[work.key] = []
+
+    def _look_again(self, nodes: Iterable[Node]) -> None:
+        for node in nodes:
+            if node.id not in self._suspects:
+                heapq.heappush(self._ready, self._order[node.id])
+
     def _collect(self) -> None:
-        """Wait for a task to end, and deal with all that have."""
+        """Wait for a task to end, and deal with all that have; with a death last, since it takes the others along."""
         finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
-        for future in sorted(finished, key=lambda future: self._order[self._running[future][0].id]):
-            if isinstance(future.exception(), BrokenProcessPool):
-                self._restart_pool()
-                return
+        broken = {future for future in finished if isinstance(future.exception(), BrokenProcessPool)}
+        for future in sorted(finished - broken, key=lambda future: self._order[self._running[future][0].id]):
+            if future not in self._running:
+                continue
             node, work = self._running.pop(future)
+            twins = self._twins.pop(work.key)
             if isinstance(work, Task):
                 self._finish(node, work, future.result())
-                for twin in self._twins.pop(work.key):
-                    heapq.heappush(self._ready, self._order[twin.id])
             else:
-                self._digested(node, *work, future.result())
+                self._digested(node, work, future.result())
+            self._look_again(twins)
+        if not broken.isdisjoint(self._running):
+            self._restart_pool()
 
     def _restart_pool(self) -> None:
         """Deal with a worker that died and took the pool with it: whoever ran alone is to blame, else each is tried."""
-        interrupted = [node for node, _ in self._running.values()]
-        tasks = [work for _, work in self._running.values()]
+        interrupted = list(self._running.values())
         twins = [twin for waiting in self._twins.values() for twin in waiting]
         self._twins.clear()
         self._running.clear()
         self._pool.restart()
-        for twin in twins:
-            heapq.heappush(self._ready, self._order[twin.id])
-        if len(interrupted) == 1 and interrupted[0].id in self._died:
-            message = "its worker process died twice: killed, or out of memory"
-            key = tasks[0].key if isinstance(tasks[0], Task) else ""
-            self._fail(interrupted[0], key, Trouble("WorkerDied", message, ""))
-            return
-        self._died.update(node.id for node in interrupted)
-        self._suspects += interrupted[::-1]
+        if len(interrupted) == 1 and interrupted[0][0].id in self._suspects:
+            node, work = interrupted[0]
+            trouble = Trouble("WorkerDied", "its worker process died twice: killed, or out of memory")
+            self._fail(node, work.key, trouble)
+        else:
+            self._suspects |= {node.id: node for node, _ in interrupted}
+        self._look_again(twins)
 
-    def _digested(self, node: Node, path: Path, stat: SourceStat, found: str | Trouble) -> None:
+    def _digested(self, node: Node, reading: Reading, found: str | Trouble) -> None:
         if isinstance(found, Trouble):
-            self._fail(node, "", found)
+            self._fail(node, reading.key, found)
             return
-        self._store.index.set_source_digest(path, stat, found)
-        self._digests[str(path)] = (stat, found)
+        self._store.index.set_source_digest(*reading, found)
+        self._digests[reading.key] = (reading.stat, found)
         self._start(node)
 
     def _finish(self, node: Node, task: Task, ended: Success | Trouble) -> None:
@@ -247,7 +254,7 @@ class Run:
             message = "its code was edited during the build; nothing made of it was kept"
             for output in ended.outputs.values():
                 output.path.unlink()
-            ended = Trouble("CodeChanged", message, "")
+            ended = Trouble("CodeChanged", message, is_passing=True)
         if isinstance(ended, Trouble):
             self._fail(node, task.key, ended)
             return
@@ -257,21 +264,27 @@ class Run:
         }
         result = Result(task.key, node.stage.name, node.subject, node.partition, outputs, task.facts, ended.notes)
         self._results[result.key] = result
+        self._made.add(result.key)
         with self._store.index.transaction():
             self._store.index.add_result(result)
             self._store.publish(result, node.variant)
         self._end(Event(node.id, Ending.BUILT, ended.seconds, notes=ended.notes), result)
 
     def _fail(self, node: Node, key: str, trouble: Trouble) -> None:
+        """End a node with a failure; it stands until the key changes, unless it is a passing one."""
+        if not trouble.is_passing:
+            self._troubles[key] = trouble
         before = self._failures.get(node.id)
         attempts = before.attempts + 1 if before is not None and before.key == key else 1
+        known_by = "" if trouble.is_passing else key
         self._store.index.set_failure(
-            Failure(*node.id, key, trouble.kind, trouble.message, trouble.traceback, attempts)
+            Failure(*node.id, known_by, trouble.kind, trouble.message, trouble.traceback, attempts)
         )
         self._end(Event(node.id, Ending.FAILED, message=trouble.message))
 
     def _end(self, event: Event, result: Result | None = None) -> None:
         self.report.events[event.node] = event
+        self._suspects.pop(event.node, None)
         if result is not None:
             self._done[event.node] = result
         for node_id in self._graph.downstream(event.node):

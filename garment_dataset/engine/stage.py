@@ -40,8 +40,8 @@ class Stage:
         Takes its inputs by name: a table by the table's name (a :class:`pyarrow.Table`; a dict of them, by subject,
         where a node gathers those of several subjects), an external source by the source's name (a
         :class:`pathlib.Path`), ``params``, and ``notes``: what the stages that feed it said of data left out, a tuple
-        of texts by stage. A table with a default need not be made by anyone. Returns a mapping from output name to
-        table. The function's name is the stage's name.
+        of texts by stage, those of gathered tables with their subject in front. A table with a default need not be made
+        by anyone. Returns a mapping from output name to table. The function's name is the stage's name.
     params : type of StageParams
         The knobs, with their defaults.
     outputs : tuple of TableSpec

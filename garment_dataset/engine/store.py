@@ -50,6 +50,12 @@ class Store:
         """Return where the object with this sha256 lies."""
         return self.objects_dir / digest[:2] / f"{digest}.parquet"
 
+    def table_path(self, result: Result, table: str, variant: str) -> Path:
+        """Return where a table can be read: among the objects or, should it be gone there, where users find it."""
+        path = self.object_path(result.outputs[table].file.digest)
+        published = self.feature_path(table, result.partition, result.subject, variant)
+        return path if path.exists() else published
+
     def adopt(self, scratch: Path, digest: str) -> StoredFile:
         """Move a finished scratch file among the objects, atomically; an equal object that is there already is kept."""
         path = self.object_path(digest)

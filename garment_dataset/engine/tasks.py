@@ -1,28 +1,43 @@
-"""From a node, and what feeds it, to a task: values that cross a process boundary."""
+"""From a node, and what feeds it, to a task: values that cross a process boundary; or to why there is none."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from garment_dataset.engine.facts import member_input, node_facts, node_key, notes_of
+from garment_dataset.engine.facts import input_digests, node_facts, node_key, notes_of
 from garment_dataset.engine.worker import Task
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
     from garment_dataset.engine.code import Code
+    from garment_dataset.engine.events import Report
     from garment_dataset.engine.graph import Node, NodeId
     from garment_dataset.engine.index import Result
     from garment_dataset.engine.sources import SourceStat
+    from garment_dataset.engine.store import Store
+
+
+def find_obstacle(node: Node, done: Mapping[NodeId, Result], report: Report) -> str | None:
+    """Return why a node cannot be run, all that feeds it having ended; None when it can."""
+    if node.blocked is not None:
+        return node.blocked
+    if node.empty_groups:
+        return f"there is no {node.empty_groups[0]}"
+    lacking = [feeder for feeder in node.inputs.values() if feeder not in done]
+    for members in node.gathers.values():
+        if all(feeder not in done for feeder in members):
+            lacking += members
+    return f"{lacking[0]} {report.events[lacking[0]].ending}" if lacking else None
 
 
 def make_task(
     node: Node,
     code: Code,
-    sources: Mapping[str, tuple[Path, SourceStat, str]],
+    sources: Mapping[Path, tuple[SourceStat, str]],
     done: Mapping[NodeId, Result],
-    object_path: Callable[[str], Path],
+    store: Store,
     scratch_dir: Path,
 ) -> Task:
     """Return what a worker is to do for a node.
@@ -33,44 +48,50 @@ def make_task(
         Which run.
     code : Code
         Of its stage.
-    sources : mapping of str to (Path, SourceStat, str)
-        Its external inputs by argument name, with their state and content digest.
+    sources : mapping of Path to (SourceStat, str)
+        State and content digest of its external inputs.
     done : mapping of NodeId to Result
         What is made already: all that feeds the node, except gathered tables that cannot be had.
-    object_path : callable
-        Where the object of a digest lies.
+    store : Store
+        Holds them.
     scratch_dir : Path
         Where the worker writes.
     """
-    digests: dict[str, str | None] = {name: digest for name, (_, _, digest) in sources.items()}
-    inputs = {table: done[feeder].outputs[table] for table, feeder in node.inputs.items()}
-    digests |= {table: output.content for table, output in inputs.items()}
-    gathers: dict[str, dict[str, Path]] = {}
-    notes = []
-    for table, members in node.gathers.items():
-        gathers[table] = {}
-        for feeder in members:
-            output = done[feeder].outputs[table] if feeder in done else None
-            digests[member_input(table, feeder.subject)] = output and output.content
-            if output is None:
-                notes.append(f"{feeder.subject} is left out: its {table} cannot be had")
-            else:
-                gathers[table][feeder.subject] = object_path(output.file.digest)
-    upstream = notes_of(node, done)
-    facts = node_facts(node, code, digests, upstream)
+
+    def content(feeder: NodeId, table: str) -> str | None:
+        return done[feeder].outputs[table].content if feeder in done else None
+
+    def path(feeder: NodeId, table: str) -> Path:
+        return store.table_path(done[feeder], table, feeder.variant)
+
+    digests = input_digests(node, lambda source: sources[source][1], content)
+    upstream_notes = notes_of(node, done)
+    facts = node_facts(node, code, digests, upstream_notes)
     return Task(
         module=node.stage.module,
         home=node.stage.home,
         subject=node.subject,
         partition=node.partition,
         params=facts["params"],
-        sources={name: (path, stat) for name, (path, stat, _) in sources.items()},
-        inputs={table: object_path(output.file.digest) for table, output in inputs.items()},
-        gathers=gathers,
-        notes=tuple(notes),
-        upstream_notes=upstream,
+        sources={name: (source, sources[source][0]) for name, source in node.sources.items()},
+        inputs={table: path(feeder, table) for table, feeder in node.inputs.items()},
+        gathers={
+            table: {feeder.subject: path(feeder, table) for feeder in members if feeder in done}
+            for table, members in node.gathers.items()
+        },
+        notes=_left_out(node, done),
+        upstream_notes=upstream_notes,
         labels=node.labels,
         key=node_key(facts),
         facts=facts,
         scratch_dir=scratch_dir,
+    )
+
+
+def _left_out(node: Node, done: Mapping[NodeId, Result]) -> tuple[str, ...]:
+    return tuple(
+        f"{feeder.subject} is left out: its {table} cannot be had"
+        for table, members in node.gathers.items()
+        for feeder in members
+        if feeder not in done
     )

@@ -12,7 +12,7 @@ import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from garment_dataset.engine.errors import DataWarning, ReportedError, SourceError, StageError
+from garment_dataset.engine.errors import DataWarning, ReportedError, SourceChangedError, StageError
 from garment_dataset.engine.loading import load_stage
 from garment_dataset.engine.sources import digest_source, stat_source
 from garment_dataset.engine.stage import NOTES
@@ -80,6 +80,18 @@ class Task:
     scratch_dir: Path
 
 
+class Reading(NamedTuple):
+    """What a worker is to compute the digest of: a source, and the state it must still be in afterwards."""
+
+    path: Path
+    stat: SourceStat
+
+    @property
+    def key(self) -> str:
+        """Name of the source."""
+        return str(self.path)
+
+
 class Written(NamedTuple):
     """One table on scratch: where, the sha256 of its bytes, its content digest, its number of rows."""
 
@@ -100,11 +112,29 @@ class Success:
 
 @dataclass(frozen=True)
 class Trouble:
-    """Why a stage did not succeed: the error's class, its message, and where it came from."""
+    """Why a stage did not succeed.
+
+    Parameters
+    ----------
+    kind : str
+        The error's class.
+    message, traceback : str
+        What it says, and where it came from.
+    is_passing : bool
+        It came from what happened meanwhile: the very same run may succeed next time.
+    """
 
     kind: str
     message: str
-    traceback: str
+    traceback: str = ""
+    is_passing: bool = False
+
+    @classmethod
+    def of(cls, error: Exception) -> Trouble:
+        """Describe the error that is being handled; one of a bug with its class in front."""
+        kind = type(error).__name__
+        message = str(error) if isinstance(error, ReportedError) else f"{kind}: {error}"
+        return cls(kind, message, traceback.format_exc(), isinstance(error, SourceChangedError))
 
 
 def prepare_process() -> None:
@@ -119,20 +149,18 @@ def run_task(task: Task) -> Success | Trouble:
     started = time.perf_counter()
     try:
         outputs, notes = _run(task)
-    except ReportedError as error:
-        return Trouble(type(error).__name__, str(error), traceback.format_exc())
     except Exception as error:  # noqa: BLE001 - a bug in a stage must not stop the other subjects
-        return Trouble(type(error).__name__, f"{type(error).__name__}: {error}", traceback.format_exc())
+        return Trouble.of(error)
     return Success(outputs, notes, time.perf_counter() - started)
 
 
-def digest_task(path: Path, stat: SourceStat) -> str | Trouble:
+def digest_task(reading: Reading) -> str | Trouble:
     """Compute a source's content digest; a source that changed meanwhile is a trouble."""
     try:
-        found = digest_source(path)
-        _check_unchanged(path, stat)
+        found = digest_source(reading.path)
+        _check_unchanged(*reading)
     except ReportedError as error:
-        return Trouble(type(error).__name__, str(error), traceback.format_exc())
+        return Trouble.of(error)
     return found
 
 
@@ -188,7 +216,7 @@ def _write(table: pa.Table, name: str, tables: list[str], task: Task, notes: tup
 def _check_unchanged(path: Path, stat: SourceStat) -> None:
     found = stat_source(path)
     if found != stat:
-        raise SourceError(
+        raise SourceChangedError(
             "changed while it was read",
             where=path,
             expected=f"{stat.size_bytes} bytes, unchanged",

@@ -21,7 +21,8 @@ from garment_dataset.engine.store import Store
 from garment_dataset.engine.table import Column, Label
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Callable, Iterator
+    from concurrent.futures import Executor
 
     from garment_dataset.engine.stage import Stage
 
@@ -80,6 +81,11 @@ def numbers(bag: Path, params: NumbersParams):
         import os
 
         os._exit(9)
+    if "touch" in text:
+        import os
+
+        os.utime(bag, ns=(1, 1))
+        text = text.replace("touch", "")
     if "bad" in text:
         raise SourceError("holds the word bad", where=bag.name)
     if "bug" in text:
@@ -137,6 +143,7 @@ class Toy:
 
     root: Path
     params: dict[str, dict[str, Any]] = field(default_factory=dict)
+    executor: Callable[[int], Executor] = local_executor
 
     @property
     def private_dir(self) -> Path:
@@ -209,7 +216,7 @@ class Toy:
                     codes=codes,
                     code_cache=cache,
                     store=store,
-                    pool=Pool(lambda: local_executor(jobs)),
+                    pool=Pool(lambda: self.executor(jobs)),
                     options=options,
                     emit=events.append,
                 )

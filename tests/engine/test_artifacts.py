@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from garment_dataset.engine.artifacts import content_digest, read_artifact, read_provenance, write_artifact
@@ -44,6 +44,7 @@ def table_of(rows: list[dict[str, object]]) -> pa.Table:
     return pa.Table.from_pylist(rows, schema=SCHEMA)
 
 
+@settings(deadline=None)  # the first example also pays for loading Arrow's functions
 @given(ROWS, st.data())
 def test_chunks_slices_and_metadata_make_no_difference(rows: list[dict[str, object]], data: st.DataObject) -> None:
     table = table_of(rows)

@@ -72,6 +72,8 @@ def test_what_does_not_fit_is_refused() -> None:
         Graph([node("a", {"one": NodeId("first", "elsewhere")})])
     with pytest.raises(StageError, match="two nodes"):
         Graph([node("a"), node("a")])
+    with pytest.raises(StageError, match="gathers 'one' of one subject twice"):
+        Graph([node("a"), Node(SECOND, "all", StageParams(), gathers={"one": (NodeId("first", "a"),) * 2})])
     circle = NodeId("second", "a")
     with pytest.raises(StageError, match="second:a -> second:a"):
         Graph([node("a", {"one": circle})])

@@ -85,6 +85,23 @@ def test_another_note_is_a_reason_though_the_rows_are_the_same(noting: Toy) -> N
     assert {decision.state for decision in noting.plan()} == {State.FRESH}
 
 
+def test_notes_of_gathered_tables_name_their_subjects(noting: Toy, monkeypatch: pytest.MonkeyPatch) -> None:
+    graph_of = noting.graph
+
+    def graph(known: dict[str, Stage]) -> Graph:
+        nodes = list(graph_of(known))
+        members = tuple(node.id for node in nodes if node.stage.name == "numbers")
+        return Graph([*nodes, Node(known["said"], "all", known["said"].params(), gathers={"numbers": members})])
+
+    noting.edit("said.py", "[numbers.num_rows]", "[len(numbers)]")
+    monkeypatch.setattr(noting, "graph", graph)
+    for name, text in {"a": "1 skip", "b": "4 skip 5", "c": "6"}.items():
+        noting.source(name, text)
+    noting.build()
+    assert texts(noting, "all") == [["a: one word skipped", "b: one word skipped"]]
+    assert noting.plan().is_fresh
+
+
 def test_a_table_with_a_default_need_not_be_made(noting: Toy) -> None:
     stages = noting.stages()
     assert stages["said"].inputs == ("numbers", "absent")

@@ -10,6 +10,7 @@ import pytest
 from garment_dataset.engine.events import Ending
 from garment_dataset.engine.graph import Graph, NodeId
 from garment_dataset.engine.plan import State
+from garment_dataset.engine.store import Store
 
 if TYPE_CHECKING:
     from garment_dataset.engine.stage import Stage
@@ -83,16 +84,51 @@ def test_a_failure_stays_in_its_variant(varied: Toy) -> None:
     assert varied.plan()[NodeId("squares", "a", "big")].state is State.FAILED
 
 
-def test_forcing_makes_both(varied: Toy) -> None:
+@pytest.mark.parametrize("jobs", [0, 2])
+def test_forcing_makes_everything_anew_and_what_is_equal_once(varied: Toy, jobs: int) -> None:
     varied.build()
     before = varied.files()
-    report = varied.build(jobs=2, forced=True)
-    assert {event.ending for event in report.events.values()} == {Ending.BUILT}
+    report = varied.build(jobs=jobs, forced=True)
+    assert varied.endings(report) == {
+        "numbers built": ["a", "b"],
+        "numbers linked": ["a", "b"],
+        "squares built": ["a", "a", "b", "b"],
+        "total built": ["a", "a", "b", "b"],
+    }
+    assert varied.files() == before
+
+
+@pytest.mark.parametrize("jobs", [0, 2])
+def test_what_is_equal_fails_alike(varied: Toy, jobs: int) -> None:
+    mark = varied.root / "mark"
+    varied.edit("numbers.py", 'if "bug" in text:', f'if "bug" in text and not Path("{mark}").exists():')
+    varied.edit("numbers.py", 'raise ZeroDivisionError("a bug")', f'Path("{mark}").touch()\n        raise ValueError')
+    varied.edit("numbers.py", 'if "skip" in text:', 'text = text.replace("bug", "")\n    if "skip" in text:')
+    varied.source("b", "4 bug")
+    report = varied.build(jobs=jobs)
+    events = [report.events[NodeId("numbers", "b", variant)] for variant in ("", "big")]
+    assert [(event.ending, event.is_repeated) for event in events] == [(Ending.FAILED, False)] * 2
+    assert {varied.plan()[event.node].state for event in events} == {State.FAILED}
+    again = varied.build(jobs=jobs)
+    assert all(again.events[event.node].is_repeated for event in events)
+
+
+@pytest.mark.parametrize("lost", ["big", ""])
+def test_files_that_one_lost_are_linked_again_from_what_both_share(varied: Toy, lost: str) -> None:
+    varied.build()
+    before = varied.files()
+    Store(varied.private_dir, varied.features_dir).feature_path("numbers", "kind=toy", "a", lost).unlink()
+    decisions = {decision.node: decision for decision in varied.plan()}
+    assert next(node for node, found in decisions.items() if found.state is not State.FRESH) == ("numbers", "a", lost)
+    report = varied.build()
+    assert [event.node for event in report.of(Ending.LINKED)] == [NodeId("numbers", "a", lost)]
     assert varied.files() == before
 
 
 def test_subjects_of_equal_content_have_results_of_their_own(toy: Toy) -> None:
     toy.source("b", "1 2 3")
     toy.build()
-    keys = {decision.key for decision in toy.plan()}
-    assert len(keys) == len(list(toy.plan()))
+    decisions = list(toy.plan())
+    assert len({decision.key for decision in decisions}) == len(decisions) == 6
+    files = toy.files()
+    assert files["numbers/kind=toy/a.parquet"] != files["numbers/kind=toy/b.parquet"]

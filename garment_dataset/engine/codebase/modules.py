@@ -7,12 +7,12 @@ from __future__ import annotations
 
 import ast
 import builtins
-import importlib.machinery
 import importlib.util
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
+from garment_dataset.engine.codebase.places import Places
 from garment_dataset.engine.codebase.rules import MODULE_VARIABLES
 from garment_dataset.engine.codebase.scopes import DEFINITION, Bindings, Home, ImportTarget, global_writes
 from garment_dataset.engine.codebase.statements import Statement, statements_of
@@ -117,20 +117,17 @@ class Modules:
     """
 
     def __init__(self, roots: Mapping[str, Path]) -> None:
-        self._roots = dict(roots)
+        self._places = Places(roots)
         self._modules: dict[str, Module] = {}
-        self._places: dict[str, tuple[Path | None, Path | None] | None] = {}
-        self._entries: dict[Path, frozenset[str]] = {}
-        self._extensions = tuple(importlib.machinery.EXTENSION_SUFFIXES)
 
     def is_first_party(self, module: str) -> bool:
         """Say whether a dotted name belongs to one of the roots."""
-        return module.partition(".")[0] in self._roots
+        return module in self._places
 
     def exists(self, module: str) -> bool:
         """Say whether there is such a first-party module."""
         try:
-            return self._locate(module) is not None
+            return self._places.find(module) is not None
         except UntraceableCodeError:
             return True  # compiled: reading it says so
 
@@ -219,43 +216,8 @@ class Modules:
             name = f"{name}.{target.attribute}"
         return with_parents(name)
 
-    def _locate(self, name: str) -> tuple[Path | None, Path | None] | None:
-        """Return file and package folder of a module; None when there is none."""
-        if name not in self._places:
-            self._places[name] = self._look_for(name)
-        return self._places[name]
-
-    def _look_for(self, name: str) -> tuple[Path | None, Path | None] | None:
-        root, _, rest = name.partition(".")
-        path = self._roots[root]
-        if not rest and path.is_file():
-            return path, None
-        folder = path.joinpath(*rest.split(".")) if rest else path
-        entries = self._names_in(folder)
-        if "__init__.py" in entries:
-            return folder / "__init__.py", folder
-        beside = self._names_in(folder.parent) if rest else frozenset()
-        for compiled in [folder.name + suffix for suffix in self._extensions]:
-            if compiled in beside:
-                raise UntraceableCodeError(
-                    "compiled code cannot be followed",
-                    where=folder.parent / compiled,
-                    hint="Keep the Python source only",
-                )
-        if f"{folder.name}.py" in beside:
-            return folder.parent / f"{folder.name}.py", None
-        return (None, folder) if entries else None
-
-    def _names_in(self, folder: Path) -> frozenset[str]:
-        if folder not in self._entries:
-            try:
-                self._entries[folder] = frozenset(path.name for path in folder.iterdir())
-            except OSError:
-                self._entries[folder] = frozenset()
-        return self._entries[folder]
-
     def _read(self, name: str) -> Module:
-        if (found := self._locate(name)) is None:
+        if (found := self._places.find(name)) is None:
             raise UntraceableCodeError(
                 "no such module", found=name, hint="Its file is missing, or its package is not declared as first-party"
             )
