@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from garment_dataset.bags.bag import Bag
 from garment_dataset.bags.camera import Camera, read_camera
 from garment_dataset.bags.gripper import GripperTrack, read_gripper
-from garment_dataset.bags.images import Kind
+from garment_dataset.bags.images import AS_SAID, DepthReading, Kind
 from garment_dataset.bags.messages import ImageMessage, Message, Topic
 from garment_dataset.bags.rosbag1 import Rosbag1
 from garment_dataset.bags.transforms import LookupFailedError, Transform, TransformTree
@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 __all__ = [
+    "AS_SAID",
     "Bag",
     "Camera",
+    "DepthReading",
     "GripperTrack",
     "ImageMessage",
     "Kind",

@@ -1,34 +1,38 @@
 """Where the gripper is in a camera's optical frame at the time of each of its images.
 
-The recorder's own topics (``/r2_ee_to_depth``, ``/r2_ee_to_rgb``) say it directly, on stamps of their own; where they
-are silent, the point is the origin of the gripper's frame, computed from the recorded transforms as those topics' node
-did (thesis 5.3.2).
+The recorder's own topics (``/r2_ee_to_depth``, ``/r2_ee_to_rgb``) say it directly, on stamps of their own; so do the
+recorded transforms, from which those topics' node computed the point (thesis 5.3.2): it is the origin of the gripper's
+frame.
 """
 
 from __future__ import annotations
 
 import warnings
-from bisect import bisect_left
-from collections import Counter
-from dataclasses import dataclass, field
-from functools import cached_property, partial
-from typing import TYPE_CHECKING, Any, Literal, NamedTuple
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from garment_dataset.bags.transforms import LookupFailedError, TransformTree
+from garment_dataset.bags.gripper_sources import Answer, CameraFrame, NoAnswer, TopicSource, TransformSource
+from garment_dataset.bags.interpolation import standard_uncertainty_m
+from garment_dataset.bags.quaternions import without_flips
+from garment_dataset.bags.recorded_transforms import RecordedTransforms, warn_of_left_out
 from garment_dataset.errors import DataWarning
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     from numpy.typing import NDArray
 
     from garment_dataset.bags.bag import Bag
-    from garment_dataset.bags.messages import Message
+    from garment_dataset.bags.gripper_sources import GripperSource
 
 Source = Literal["auto", "topic", "tf"]
-"""Whom to ask; ``auto``: the topic, and the transforms for the frames where it has no answer."""
+"""Whom to ask; ``auto``: both, and per recording the one that says it more surely first."""
+
+_CLEARLY_SURER = 0.95  # ratio of standard uncertainties from which the transforms are asked before the topic
+
+Answers = dict[str, "list[Answer | NoAnswer]"]
 
 
 @dataclass(frozen=True, eq=False, slots=True)
@@ -39,6 +43,11 @@ class GripperTrack:
     ----------
     x_m, y_m, z_m : (N,) float64
         In the camera's optical frame, metres; NaN where there is no answer.
+    std_m : (N, 3) float64
+        Standard uncertainties of the three, metres; NaN where there is no answer, or nothing bounds the interpolation.
+    quaternion_xyzw : (N, 4) float64
+        Rotation that takes coordinates in the gripper's frame to the camera's, of unit norm and without changes of
+        sign along the recording; NaN where none is known.
     source : tuple of str or None, length N
         ``topic`` or ``tf``.
     gap_ns : tuple of int or None, length N
@@ -52,79 +61,11 @@ class GripperTrack:
     x_m: NDArray[np.float64]
     y_m: NDArray[np.float64]
     z_m: NDArray[np.float64]
+    std_m: NDArray[np.float64]
+    quaternion_xyzw: NDArray[np.float64]
     source: tuple[str | None, ...]
     gap_ns: tuple[int | None, ...]
     reason: tuple[str | None, ...]
-
-
-class _Point(NamedTuple):
-    """A position, and how far in time the nearest sample behind it is."""
-
-    position_m: NDArray[np.float64]
-    gap_ns: int
-
-
-class _NoPoint(NamedTuple):
-    """Why there is none: in a word for the table, in full for the warning."""
-
-    reason: str
-    detail: str
-
-
-class _Row(NamedTuple):
-    """What is known at one time."""
-
-    position_m: NDArray[np.float64]
-    source: str | None
-    gap_ns: int | None
-    reason: str | None
-    detail: str | None
-
-
-@dataclass(eq=False)
-class RecordedTransforms:
-    """The transforms of a bag, read when first asked for, and then kept for whoever else asks.
-
-    Parameters
-    ----------
-    bag : Bag
-        An open recording.
-    tf_topic, tf_static_topic : str
-        Messages of type ``tf2_msgs/TFMessage`` or ``tf/tfMessage``.
-    """
-
-    bag: Bag
-    tf_topic: str = "/tf"
-    tf_static_topic: str = "/tf_static"
-
-    @property
-    def recorded(self) -> bool:
-        """Whether the bag has any such topic."""
-        return self.tf_topic in self.bag.topics or self.tf_static_topic in self.bag.topics
-
-    @cached_property
-    def tree(self) -> TransformTree:
-        """The tree of all of them; a :class:`~garment_dataset.errors.DataWarning` tells of those left out."""
-        tree, left_out = TransformTree(), Counter[str]()
-        for message in self.bag.messages(self.tf_topic, self.tf_static_topic):
-            if message.type not in _TRANSFORMS:
-                left_out[f"{message.topic}, of type {message.type} instead of {' or '.join(_TRANSFORMS)}"] += 1
-                continue
-            for stamped in message.data.transforms:
-                move, turn = stamped.transform.translation, stamped.transform.rotation
-                tree.add(
-                    stamped.header.frame_id,
-                    stamped.child_frame_id,
-                    _stamp_ns(stamped),
-                    (move.x, move.y, move.z),
-                    (turn.x, turn.y, turn.z, turn.w),
-                    static=message.topic == self.tf_static_topic,
-                )
-        if tree.refused:
-            text = f"{self.bag.path.name}: {tree.refused} malformed transforms left out"
-            warnings.warn(text, DataWarning, stacklevel=2)
-        _warn_of_left_out(self.bag, left_out)
-        return tree
 
 
 def read_gripper(
@@ -137,6 +78,9 @@ def read_gripper(
     topic: str = "/r2_ee_to_depth",
     transforms: RecordedTransforms | None = None,
     max_gap_s: float = 0.1,
+    std_floor_m: float = 0.0001,
+    max_disagreement_m: float = 0.005,
+    max_stamp_offset_s: float = 10.0,
     stream: str = "depth",
 ) -> GripperTrack:
     """Read the end point of the gripper at given times.
@@ -157,6 +101,12 @@ def read_gripper(
         Those of the bag; by default its ``/tf`` and ``/tf_static``. Whoever asks for both cameras reads them once.
     max_gap_s : float
         Longest time between two samples, in seconds, that is interpolated across.
+    std_floor_m : float
+        Standard uncertainty of a sample itself, in metres: how well such an arm repeats a position.
+    max_disagreement_m : float
+        Median distance between the two sources, in metres, beyond which a warning says so.
+    max_stamp_offset_s : float
+        How far header stamp less record time may be from its median in a sample that is used, in seconds.
     stream : str
         What the images are called in warnings.
 
@@ -166,147 +116,91 @@ def read_gripper(
 
     Notes
     -----
-    A message of exactly the frame's stamp is taken as it is; between two messages the point is interpolated linearly;
-    before the first and after the last one there is no answer, as nothing says how far the gripper moved there. A
-    message in another frame than the camera's is first taken there through the transforms at its own time; one
-    without a frame is taken to be in the camera's. A :class:`~garment_dataset.errors.DataWarning` tells of messages
-    that were left out and of frames without a point.
+    A sample of exactly the frame's stamp is taken as it is; how the path runs between two, and what bounds the error,
+    :func:`~garment_dataset.bags.interpolation.path_at` says. The standard uncertainty is that bound over √3, and the
+    floor, added in quadrature. Before the first and after the last sample there is no answer, as nothing says how far
+    the gripper moved there.
+
+    ``auto`` asks the topic first, and the transforms where it has no answer; it is the other way round when the
+    standard uncertainties of the transforms are smaller by 5 % (root mean square over the frames where both are known).
+    The choice is made once for a stream, so that what the sources disagree by does not look like a motion. A rotation
+    that the chosen source does not tell is taken from the other.
+
+    A :class:`~garment_dataset.errors.DataWarning` tells of messages left out, of frames without a point, and of sources
+    that disagree.
     """
-    camera = _Camera(transforms or RecordedTransforms(bag), camera_frame.lstrip("/"), round(max_gap_s * 1e9))
-    asked: dict[str, Callable[[int], _Point | _NoPoint]] = {}
+    if transforms is None:
+        transforms = RecordedTransforms(bag, max_stamp_offset_s=max_stamp_offset_s)
+    camera = CameraFrame(transforms, camera_frame.lstrip("/"), round(max_gap_s * 1e9))
+    asked: dict[str, GripperSource] = {}
     if source != "tf":
-        samples = _read_topic(bag, topic, camera)
-        asked["topic"] = partial(_interpolate, samples, sorted(samples), camera.max_gap_ns)
+        asked["topic"] = reader = TopicSource(camera, topic, max_stamp_offset_s)
+        warn_of_left_out(bag, reader.left_out)
     if source != "topic":
-        asked["tf"] = partial(camera.see, gripper_frame, np.zeros(3))
-    rows = [_first_answer(asked, int(stamp_ns)) for stamp_ns in stamps_ns]
-    _warn_of_left_out(bag, camera.left_out)
-    if failed := [index for index, row in enumerate(rows) if row.detail]:
-        text = f"{bag.path.name}: no gripper position at {len(failed)} of {len(rows)} {stream} frames"
-        warnings.warn(f"{text}, first at {failed[0]}: {rows[failed[0]].detail}", DataWarning, stacklevel=2)
-    x_m, y_m, z_m = np.array([row.position_m for row in rows]).reshape(-1, 3).T
+        asked["tf"] = TransformSource(camera, gripper_frame.lstrip("/"))
+    times_ns = [int(stamp_ns) for stamp_ns in stamps_ns]
+    answers: Answers = {name: [each.at(stamp_ns) for stamp_ns in times_ns] for name, each in asked.items()}
+    if source == "auto":
+        answers = _surest_first(answers, std_floor_m)
+        _warn_of_disagreement(f"{bag.path.name}: {stream} frames", answers, max_disagreement_m)
+    rows = [dict(zip(answers, row, strict=True)) for row in zip(*answers.values(), strict=True)]
+    _warn_of_frames_without(f"{bag.path.name}: no gripper position at", stream, rows)
+    return _track(rows, std_floor_m)
+
+
+def _both(answers: Answers) -> list[tuple[Answer, Answer]]:
+    """Return the answers of topic and transforms where both have one."""
+    pairs = zip(answers["topic"], answers["tf"], strict=True)
+    return [(topic, tf) for topic, tf in pairs if isinstance(topic, Answer) and isinstance(tf, Answer)]
+
+
+def _surest_first(answers: Answers, std_floor_m: float) -> Answers:
+    """Put that source first whose standard uncertainty is smaller, the topic unless the difference is clear."""
+    bounds_m = np.array([[topic.bound_m, tf.bound_m] for topic, tf in _both(answers)]).reshape(-1, 2, 3)
+    known = bounds_m[np.isfinite(bounds_m).all(axis=(1, 2))]
+    squares_m2 = (standard_uncertainty_m(known, std_floor_m) ** 2).sum(axis=(0, 2))
+    clearly = np.sqrt(squares_m2[1]) < _CLEARLY_SURER * np.sqrt(squares_m2[0])
+    return {name: answers[name] for name in (("tf", "topic") if clearly else ("topic", "tf"))}
+
+
+def _warn_of_disagreement(where: str, answers: Answers, bound_m: float) -> None:
+    if not (both := _both(answers)):
+        return
+    apart_m = float(np.median([np.linalg.norm(topic.position_m - tf.position_m) for topic, tf in both]))
+    if apart_m > bound_m:
+        text = f"topic and tf disagree on the gripper by {apart_m * 1e3:.1f} mm, median of {len(both)}"
+        warnings.warn(f"{where}: {text}; {next(iter(answers))} is asked first", DataWarning, stacklevel=3)
+
+
+def _warn_of_frames_without(what: str, stream: str, rows: Sequence[Mapping[str, Answer | NoAnswer]]) -> None:
+    failed = [index for index, row in enumerate(rows) if not any(isinstance(each, Answer) for each in row.values())]
+    if failed:
+        detail = _each(rows[failed[0]], "detail")
+        text = f"{what} {len(failed)} of {len(rows)} {stream} frames, first at {failed[0]}: {detail}"
+        warnings.warn(text, DataWarning, stacklevel=3)
+
+
+def _each(row: Mapping[str, Answer | NoAnswer], attribute: Literal["reason", "detail"]) -> str:
+    """Return what each source gives as its reason, the topic first."""
+    failures = {name: each for name, each in sorted(row.items(), reverse=True) if isinstance(each, NoAnswer)}
+    return "; ".join(f"{name}: {getattr(failure, attribute)}" for name, failure in failures.items())
+
+
+def _track(rows: Sequence[Mapping[str, Answer | NoAnswer]], std_floor_m: float) -> GripperTrack:
+    known = [{name: each for name, each in row.items() if isinstance(each, Answer)} for row in rows]
+    firsts = [next(iter(row.items()), (None, None)) for row in known]
+    nowhere = np.full(3, np.nan)
+    positions_m = np.array([nowhere if each is None else each.position_m for _, each in firsts]).reshape(-1, 3)
+    bounds_m = np.array([nowhere if each is None else each.bound_m for _, each in firsts]).reshape(-1, 3)
+    turns = [next((each.quaternion_xyzw for each in row.values() if each.quaternion_xyzw), None) for row in known]
+    x_m, y_m, z_m = positions_m.T
     return GripperTrack(
         x_m=x_m,
         y_m=y_m,
         z_m=z_m,
-        source=tuple(row.source for row in rows),
-        gap_ns=tuple(row.gap_ns for row in rows),
-        reason=tuple(row.reason for row in rows),
+        std_m=standard_uncertainty_m(bounds_m, std_floor_m),
+        quaternion_xyzw=np.array([turn or (np.nan,) * 4 for turn in without_flips(turns)]).reshape(-1, 4),
+        source=tuple(name for name, _ in firsts),
+        gap_ns=tuple(None if each is None else each.gap_ns for _, each in firsts),
+        reason=tuple(None if found else _each(row, "reason") for row, found in zip(rows, known, strict=True)),
     )
-
-
-@dataclass(eq=False)
-class _Camera:
-    """The frame that everything is wanted in, and the transforms that lead there."""
-
-    transforms: RecordedTransforms
-    frame: str
-    max_gap_ns: int
-    left_out: Counter[str] = field(default_factory=Counter)
-
-    def see(self, frame: str, position_m: NDArray[np.float64], stamp_ns: int) -> _Point | _NoPoint:
-        """Take a position in ``frame`` into the camera's frame."""
-        if frame.lstrip("/") == self.frame:
-            return _Point(position_m, 0)
-        try:
-            transform = self.transforms.tree.lookup(self.frame, frame, stamp_ns)
-        except LookupFailedError as error:
-            return _NoPoint(error.kind, str(error))
-        if transform.bracket_ns > self.max_gap_ns:
-            return _too_far_apart(stamp_ns, transform.bracket_ns)
-        return _Point(transform.apply(position_m), transform.nearest_sample_gap_ns)
-
-    def read(self, message: Message) -> _Point | _NoPoint:
-        """Read one message of the gripper's topic; without a frame it is taken to be in the camera's."""
-        if (vector_of := _VECTORS.get(message.type)) is None:
-            return _NoPoint(f"of type {message.type} instead of {' or '.join(_VECTORS)}", "")
-        stamped, stamp_ns = message.data, _stamp_ns(message.data)
-        vector, frame = vector_of(stamped), stamped.header.frame_id.lstrip("/") or self.frame
-        position_m = np.array([vector.x, vector.y, vector.z], dtype=np.float64)
-        if not np.isfinite(position_m).all():
-            return _NoPoint("with numbers that are not finite", "")
-        if message.type == _TRANSFORM_STAMPED and stamped.child_frame_id.lstrip("/") == self.frame:
-            # the camera as the gripper sees it: the inverse has the gripper as the camera sees it
-            turn, tree = stamped.transform.rotation, TransformTree()
-            if not tree.add(frame, self.frame, stamp_ns, position_m.tolist(), (turn.x, turn.y, turn.z, turn.w)):
-                return _NoPoint("with a rotation that is none", "")
-            return _Point(tree.lookup(self.frame, frame, stamp_ns).translation, 0)
-        point = self.see(frame, position_m, stamp_ns)
-        if isinstance(point, _Point):
-            return point
-        return _NoPoint(f"in frame {frame!r} with no way to {self.frame!r} ({point.reason})", point.detail)
-
-
-def _warn_of_left_out(bag: Bag, left_out: Mapping[str, int]) -> None:
-    for reason, count in left_out.items():
-        warnings.warn(f"{bag.path.name}: {count} messages left out: {reason}", DataWarning, stacklevel=3)
-
-
-def _read_topic(bag: Bag, topic: str, camera: _Camera) -> dict[int, _Point]:
-    """Return the topic's points in the camera by stamp, of several with one stamp the first."""
-    samples: dict[int, _Point] = {}
-    for message in bag.messages(topic):
-        answer = camera.read(message)
-        if isinstance(answer, _Point):
-            samples.setdefault(_stamp_ns(message.data), answer)
-        else:
-            camera.left_out[f"{topic}, {answer.reason}"] += 1
-    return samples
-
-
-def _first_answer(asked: Mapping[str, Callable[[int], _Point | _NoPoint]], stamp_ns: int) -> _Row:
-    failures: dict[str, _NoPoint] = {}
-    for name, at in asked.items():
-        answer = at(stamp_ns)
-        if isinstance(answer, _Point):
-            return _Row(answer.position_m, name, answer.gap_ns, None, None)
-        failures[name] = answer
-    reason = "; ".join(f"{name}: {failure.reason}" for name, failure in failures.items())
-    detail = "; ".join(f"{name}: {failure.detail}" for name, failure in failures.items())
-    return _Row(np.full(3, np.nan), None, None, reason, detail)
-
-
-def _interpolate(
-    samples: Mapping[int, _Point], ordered_ns: list[int], max_gap_ns: int, stamp_ns: int
-) -> _Point | _NoPoint:
-    """Interpolate linearly between the two samples around ``stamp_ns``; a sample of that very time as it is."""
-    if (same := samples.get(stamp_ns)) is not None:
-        return same
-    if not ordered_ns:
-        return _NoPoint("no samples", "no usable message")
-    following = bisect_left(ordered_ns, stamp_ns)
-    if following == 0:
-        return _NoPoint("past", f"{stamp_ns} ns is before the first message, {ordered_ns[0]} ns")
-    if following == len(ordered_ns):
-        return _NoPoint("future", f"{stamp_ns} ns is after the last message, {ordered_ns[-1]} ns")
-    before_ns, after_ns = ordered_ns[following - 1], ordered_ns[following]
-    if after_ns - before_ns > max_gap_ns:
-        return _too_far_apart(stamp_ns, after_ns - before_ns)
-    before, after = samples[before_ns], samples[after_ns]
-    ratio = (stamp_ns - before_ns) / (after_ns - before_ns)
-    position_m = (1 - ratio) * before.position_m + ratio * after.position_m
-    nearest_ns = min(stamp_ns - before_ns, after_ns - stamp_ns)
-    return _Point(position_m, max(nearest_ns, before.gap_ns, after.gap_ns))
-
-
-def _too_far_apart(stamp_ns: int, bracket_ns: int) -> _NoPoint:
-    return _NoPoint("gap", f"the samples around {stamp_ns} ns are {bracket_ns / 1e9:.3f} s apart")
-
-
-def _stamp_ns(stamped: Any) -> int:  # noqa: ANN401 - a deserialised message
-    stamp = stamped.header.stamp
-    return int(stamp.sec) * 1_000_000_000 + int(stamp.nanosec)
-
-
-_TRANSFORM_STAMPED = "geometry_msgs/msg/TransformStamped"
-
-_VECTORS: Mapping[str, Callable[[Any], Any]] = {
-    "geometry_msgs/msg/PointStamped": lambda stamped: stamped.point,
-    "geometry_msgs/msg/PoseStamped": lambda stamped: stamped.pose.position,
-    _TRANSFORM_STAMPED: lambda stamped: stamped.transform.translation,
-    "geometry_msgs/msg/Vector3Stamped": lambda stamped: stamped.vector,
-}
-"""Where the types of the gripper's topic keep the position."""
-
-_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-"""Types of the transforms' topics."""

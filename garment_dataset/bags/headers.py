@@ -18,10 +18,14 @@ from garment_dataset.bags.images import (
     ENCODINGS,
     JPEG,
     PNG,
+    DepthReading,
+    Encoding,
     Kind,
     decode_compressed_color,
     decode_compressed_depth,
     decode_rows,
+    decode_rvl_depth,
+    is_rvl,
     png_start,
     source_encoding,
 )
@@ -30,7 +34,7 @@ from garment_dataset.errors import MessageError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-Decode = Callable[[memoryview], "NDArray[Any]"]
+Decode = Callable[[memoryview, DepthReading], "NDArray[Any]"]
 
 _MOST_TEXT_BYTES = 256  # frame ids and encodings are names; what is longer is damage
 
@@ -44,11 +48,11 @@ class ImageHeader:
     start_bytes, size_bytes : int
         Where the pixel data lie in the serialised message.
     compressed : bool
-        Whether they are a JPEG or PNG file instead of rows of pixels.
+        Whether they are a JPEG or PNG file, or RVL data, instead of rows of pixels.
     fault : str or None
         Why the message cannot be used, in one line.
     decode : callable or None
-        Takes the pixel data, returns canonical pixels; None when there is a fault.
+        Takes the pixel data, and what depths are; returns canonical pixels. None when there is a fault.
     """
 
     stamp_ns: int | None = None
@@ -142,8 +146,7 @@ def _read_raw(fields: _Fields, header: ImageHeader, kind: Kind) -> Decode:
     width, height, step = header.width_px, header.height_px, header.step_bytes
     if (encoding := ENCODINGS[kind].get(header.encoding)) is None:
         raise MessageError("encoding", expected=" or ".join(ENCODINGS[kind]), found=repr(header.encoding))
-    if width == 0 or height == 0:
-        raise MessageError("size", expected="at least one pixel", found=f"{width} x {height}")
+    _check_size(encoding, width, height)
     row = width * encoding.channels * np.dtype(encoding.dtype).itemsize
     if step < row:
         raise MessageError("step", expected=f"at least {row} bytes for {width} pixels", found=f"{step} bytes")
@@ -153,6 +156,17 @@ def _read_raw(fields: _Fields, header: ImageHeader, kind: Kind) -> Decode:
     return partial(
         decode_rows, encoding=encoding, width_px=width, height_px=height, step_bytes=step, big_endian=big_endian
     )
+
+
+def _check_size(encoding: Encoding, width_px: int, height_px: int) -> None:
+    found = f"{width_px} x {height_px}"
+    if width_px == 0 or height_px == 0:
+        raise MessageError("size", expected="at least one pixel", found=found)
+    if width_px % encoding.columns:
+        raise MessageError("size", expected=f"a width that is a multiple of {encoding.columns}", found=found)
+    if min(width_px, height_px) < encoding.least_px:
+        expected = f"at least {encoding.least_px} x {encoding.least_px} pixels"
+        raise MessageError("size", expected=expected, found=found)
 
 
 def _read_compressed(fields: _Fields, header: ImageHeader, kind: Kind) -> Decode:
@@ -165,12 +179,15 @@ def _read_compressed(fields: _Fields, header: ImageHeader, kind: Kind) -> Decode
         raise MessageError("format", expected=f"a {kind} image", found=repr(header.encoding))
     data = fields.view(header.start_bytes, header.size_bytes)
     if kind == "depth":
+        if is_rvl(header.encoding):
+            return partial(decode_rvl_depth, encoding=header.encoding)
         if png_start(data) < 0:
             raise MessageError("data", expected="a PNG image", found=f"{header.encoding!r}, {bytes(data[:20])!r}")
         return partial(decode_compressed_depth, encoding=header.encoding)
     if not bytes(data[:8]).startswith((PNG, JPEG)):
         raise MessageError("data", expected="a JPEG or PNG image", found=f"{header.encoding!r}, {bytes(data[:8])!r}")
-    return partial(decode_compressed_color, encoding=header.encoding)
+    color = partial(decode_compressed_color, encoding=header.encoding)
+    return lambda data, _: color(data)
 
 
 _READERS: dict[str, Callable[[_Fields, ImageHeader, Kind], Decode]] = {

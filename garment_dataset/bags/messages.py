@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from garment_dataset.bags.images import AS_SAID
 from garment_dataset.errors import MessageError
 
 if TYPE_CHECKING:
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
     from garment_dataset.bags.headers import ImageHeader
+    from garment_dataset.bags.images import DepthReading
 
 
 class Payload(NamedTuple):
@@ -112,8 +114,13 @@ class ImageMessage:
     _record: Record = field(repr=False, compare=False)
     _header: ImageHeader = field(repr=False, compare=False)
 
-    def pixels(self) -> NDArray[Any]:
+    def pixels(self, reading: DepthReading = AS_SAID) -> NDArray[Any]:
         """Return the canonical pixels, read-only.
+
+        Parameters
+        ----------
+        reading : DepthReading
+            What the depths of the recording are, where its messages do not say so; without meaning for colour.
 
         Returns
         -------
@@ -131,4 +138,4 @@ class ImageMessage:
         if header.decode is None or header.start_bytes is None or header.size_bytes is None:
             raise MessageError("faulty image", where=f"message {self.index}", found=self.fault)
         data = self._record.read().data
-        return header.decode(data[header.start_bytes : header.start_bytes + header.size_bytes])
+        return header.decode(data[header.start_bytes : header.start_bytes + header.size_bytes], reading)

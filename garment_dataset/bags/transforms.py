@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from garment_dataset.bags.quaternions import Quaternion, Vector, lerp, rotate, slerp
+from garment_dataset.bags.poses import IDENTITY, Pose, compose, inverse
+from garment_dataset.bags.quaternions import lerp, normalised, slerp
 from garment_dataset.errors import TransformError
 
 if TYPE_CHECKING:
@@ -87,23 +88,11 @@ class Transform:
         return moved
 
 
-class _Pose(NamedTuple):
-    """A rigid motion, with what it rests on in time."""
-
-    translation: Vector
-    quaternion: Quaternion
-    gap_ns: int = 0
-    bracket_ns: int = 0
-
-
-_IDENTITY = _Pose((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-
-
 class _Sample(NamedTuple):
     """Where a frame is in its parent, at one time."""
 
     parent: str
-    pose: _Pose
+    pose: Pose
 
 
 class _Stop(NamedTuple):
@@ -120,6 +109,16 @@ class _Link:
     samples: dict[int, _Sample] = field(default_factory=dict)
     stamps_ns: list[int] = field(default_factory=list)  # the sorted keys of `samples`; out of date while shorter
     static: _Sample | None = None
+
+    @property
+    def parents(self) -> set[str]:
+        """The frames it was ever said to hang on."""
+        return {self.static.parent} if self.static else {sample.parent for sample in self.samples.values()}
+
+    @property
+    def moves(self) -> bool:
+        """Whether two of its samples differ."""
+        return self.static is None and len({sample.pose for sample in self.samples.values()}) > 1
 
     def at(self, stamp_ns: int) -> _Sample | _Stop:
         """Return the pose in the parent at ``stamp_ns``, as ``tf2::TimeCache::getData``."""
@@ -144,7 +143,7 @@ class _Link:
         ratio = (stamp_ns - before_ns) / (after_ns - before_ns)
         translation = lerp(before.pose.translation, after.pose.translation, ratio)
         quaternion = slerp(before.pose.quaternion, after.pose.quaternion, ratio)
-        return _Sample(before.parent, _Pose(translation, quaternion, gap_ns, after_ns - before_ns))
+        return _Sample(before.parent, Pose(translation, quaternion, gap_ns, after_ns - before_ns))
 
 
 class TransformTree:
@@ -209,13 +208,11 @@ class TransformTree:
         parent, child = parent.lstrip("/"), child.lstrip("/")
         x, y, z = map(float, translation)
         qx, qy, qz, qw = map(float, quaternion_xyzw)
-        squared_norm = qx * qx + qy * qy + qz * qz + qw * qw
-        well_formed = math.isfinite(x + y + z) and abs(squared_norm - 1.0) <= SQUARED_NORM_TOLERANCE
-        if not well_formed or not parent or not child or parent == child:
+        quaternion = normalised((qx, qy, qz, qw), SQUARED_NORM_TOLERANCE)
+        if quaternion is None or not math.isfinite(x + y + z) or not parent or not child or parent == child:
             self.refused += 1
             return False
-        scale = 1.0 / math.sqrt(squared_norm)
-        sample = _Sample(parent, _Pose((x, y, z), (qx * scale, qy * scale, qz * scale, qw * scale)))
+        sample = _Sample(parent, Pose((x, y, z), quaternion))
         self._frames.update((parent, child))
         link = self._links.setdefault(child, _Link())
         if static:
@@ -240,7 +237,7 @@ class TransformTree:
         """
         target, source = target.lstrip("/"), source.lstrip("/")
         if target == source:
-            return Transform(np.zeros(3), np.array(_IDENTITY.quaternion), 0, 0)
+            return Transform(np.zeros(3), np.array(IDENTITY.quaternion), 0, 0)
         for frame in (target, source):
             if frame not in self._frames:
                 what = f"no transform names the frame {frame!r}"
@@ -252,13 +249,46 @@ class TransformTree:
             stop = target_stop or source_stop or _Stop("not connected", "they have no common ancestor")
             what = f"no transform from {source!r} to {target!r}: {stop.why}"
             raise LookupFailedError(stop.kind, what, where=self.name)
-        pose = _compose(_inverse(target_in[common]), source_in[common])
+        pose = compose(inverse(target_in[common]), source_in[common])
         return Transform(np.array(pose.translation), np.array(pose.quaternion), pose.gap_ns, pose.bracket_ns)
 
-    def _walk(self, frame: str, stamp_ns: int) -> tuple[dict[str, _Pose], _Stop | None]:
+    def knots_ns(self, target: str, source: str) -> list[int]:
+        """Return when the links between two frames that move were sampled, sorted.
+
+        Parameters
+        ----------
+        target, source : str
+            As for :meth:`lookup`.
+
+        Returns
+        -------
+        list of int
+            Stamps in nanoseconds; none where nothing moves, nothing connects the frames, or a link on the way changed
+            its parent.
+        """
+        target_above, source_above = (self._ancestry(frame.lstrip("/")) for frame in (target, source))
+        if not set(target_above) & set(source_above):
+            return []
+        moving = [self._links[frame] for frame in {*target_above} ^ {*source_above} if frame in self._links]
+        stamps_ns = {stamp_ns for link in moving if link.moves for stamp_ns in link.samples}
+        return sorted(stamps_ns)
+
+    def _ancestry(self, frame: str) -> list[str]:
+        """Return a frame and all above it, as far as each has one parent at all times."""
+        frames: list[str] = []
+        while frame not in frames:
+            frames.append(frame)
+            link = self._links.get(frame)
+            parents = set() if link is None else link.parents
+            if len(parents) != 1:
+                return frames
+            (frame,) = parents
+        return frames
+
+    def _walk(self, frame: str, stamp_ns: int) -> tuple[dict[str, Pose], _Stop | None]:
         """Walk up as far as the time allows: the pose of ``frame`` in itself and each ancestor, nearest first."""
-        poses: dict[str, _Pose] = {}
-        pose = _IDENTITY
+        poses: dict[str, Pose] = {}
+        pose = IDENTITY
         while frame not in poses:
             poses[frame] = pose
             if (link := self._links.get(frame)) is None:
@@ -266,35 +296,10 @@ class TransformTree:
             step = link.at(stamp_ns)
             if isinstance(step, _Stop):
                 return poses, _Stop(step.kind, f"for frame {frame!r}, {step.why}")
-            frame, pose = step.parent, _compose(step.pose, pose)
+            frame, pose = step.parent, compose(step.pose, pose)
         return poses, _Stop("loop", f"frame {frame!r} is its own ancestor")
 
     def _hint(self) -> str:
         names = sorted(self._frames)
         shown = ", ".join(names[:20]) + (", …" if len(names) > 20 else "")
         return f"Known frames: {shown}" if names else "There are no transforms at all"
-
-
-def _compose(outer: _Pose, inner: _Pose) -> _Pose:
-    """Apply ``inner`` first, then ``outer``."""
-    ax, ay, az, aw = outer.quaternion
-    bx, by, bz, bw = inner.quaternion
-    moved, origin = rotate(outer.quaternion, inner.translation), outer.translation
-    return _Pose(
-        (moved[0] + origin[0], moved[1] + origin[1], moved[2] + origin[2]),
-        (
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-            aw * bw - ax * bx - ay * by - az * bz,
-        ),
-        max(outer.gap_ns, inner.gap_ns),
-        max(outer.bracket_ns, inner.bracket_ns),
-    )
-
-
-def _inverse(pose: _Pose) -> _Pose:
-    x, y, z, w = pose.quaternion
-    back = (-x, -y, -z, w)
-    moved = rotate(back, pose.translation)
-    return _Pose((-moved[0], -moved[1], -moved[2]), back, pose.gap_ns, pose.bracket_ns)

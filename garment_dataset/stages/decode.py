@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import asdict
-from itertools import pairwise
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import PositiveFloat
 
 from garment_dataset.engine.table import Column, TableSpec
 from garment_dataset.errors import BagError, DataWarning, MessageError
+from garment_dataset.stages.cameras import CAMERA, read_cameras
 from garment_dataset.stages.columns import FRAME, RECORD_STAMP, STAMP
 from garment_dataset.stages.stage import Stage, StageParams
 
@@ -21,14 +20,12 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from garment_dataset.bags import Bag, ImageMessage
-    from garment_dataset.bags.gripper import RecordedTransforms
+    from garment_dataset.bags.recorded_transforms import RecordedTransforms
 
     Row = dict[str, Any]
     Columns = dict[str, list[Any]]
 
 Stream = Literal["depth", "color"]
-
-_JOINT_STATE = "sensor_msgs/msg/JointState"
 
 
 FRAMES = TableSpec(
@@ -47,46 +44,52 @@ FRAMES = TableSpec(
         Column("offset_bytes", "int64", "byte", "first pixel in the bag; null when compressed", nullable=True),
         Column("size_bytes", "int64", "byte", "length of the pixel data as stored", nullable=True),
         Column("topic", "string", "", "topic that the stream was read from: every stage reads its images there"),
-        Column("fault", "string", "", "why the message is not used; null when it is", nullable=True),
+        Column("fault", "string", "", "why the message or its stamp is not used; null when it is", nullable=True),
     ),
     keys=("stream", "frame"),
 )
 
-CAMERA = TableSpec(
-    "camera",
-    1,
-    "one image stream",
-    (
-        Column("stream", "string", "", "depth or color"),
-        Column("frame_id", "string", "", "optical frame: x right, y down, z forward"),
-        Column("width_px", "int32", "px", "image width"),
-        Column("height_px", "int32", "px", "image height"),
-        Column("fx_px", "float64", "px", "focal length along u: K[0, 0]"),
-        Column("fy_px", "float64", "px", "focal length along v: K[1, 1]"),
-        Column("cx_px", "float64", "px", "principal point, u: K[0, 2]; the centre of the first pixel is 0"),
-        Column("cy_px", "float64", "px", "principal point, v: K[1, 2]; the centre of the first pixel is 0"),
-        Column("distortion_model", "string", "", "as in sensor_msgs/CameraInfo"),
-        Column("distortion", "list<float64>", "1", "coefficients of that model"),
-    ),
-    keys=("stream",),
-)
+_END_POINT = "end point of the gripper, optical frame of the stream"
+_TURN = "unit quaternion from the gripper's frame to the stream's optical frame"
 
 GRIPPER = TableSpec(
     "gripper",
-    2,
+    3,
     "one usable image of either stream",
     (
         Column("stream", "string", "", "depth or color: whose image, and in whose optical frame the point is"),
         FRAME,
         STAMP,
-        Column("x_m", "float64", "m", "end point of the gripper, optical frame of the stream, right", nullable=True),
-        Column("y_m", "float64", "m", "end point of the gripper, optical frame of the stream, down", nullable=True),
-        Column("z_m", "float64", "m", "end point of the gripper, optical frame of the stream, forward", nullable=True),
+        Column("x_m", "float64", "m", f"{_END_POINT}, right", nullable=True, uncertainty="x_std_m"),
+        Column("y_m", "float64", "m", f"{_END_POINT}, down", nullable=True, uncertainty="y_std_m"),
+        Column("z_m", "float64", "m", f"{_END_POINT}, forward", nullable=True, uncertainty="z_std_m"),
+        Column("x_std_m", "float64", "m", "standard uncertainty of x: interpolation and floor", nullable=True),
+        Column("y_std_m", "float64", "m", "standard uncertainty of y: interpolation and floor", nullable=True),
+        Column("z_std_m", "float64", "m", "standard uncertainty of z: interpolation and floor", nullable=True),
+        Column("qx", "float64", "1", f"{_TURN}, x; it never flips its sign", nullable=True),
+        Column("qy", "float64", "1", f"{_TURN}, y", nullable=True),
+        Column("qz", "float64", "1", f"{_TURN}, z", nullable=True),
+        Column("qw", "float64", "1", f"{_TURN}, w", nullable=True),
         Column("source", "string", "", "topic, or tf when computed from the recorded transforms", nullable=True),
         Column("gap_ns", "int64", "ns", "distance in time to the nearest sample the point rests on", nullable=True),
         Column("reason", "string", "", "why there is no point; null when there is one", nullable=True),
     ),
     keys=("stream", "frame"),
+)
+
+WORLD = TableSpec(
+    "world",
+    1,
+    "one image stream",
+    (
+        Column("stream", "string", "", "depth or color: in whose optical frame the direction is"),
+        Column("gravity_x", "float64", "1", "unit vector of gravity, right", nullable=True),
+        Column("gravity_y", "float64", "1", "unit vector of gravity, down", nullable=True),
+        Column("gravity_z", "float64", "1", "unit vector of gravity, forward", nullable=True),
+        Column("gravity_source", "string", "", "whence it is known: tf, and the level frame", nullable=True),
+        Column("reason", "string", "", "why it is not known; null when it is", nullable=True),
+    ),
+    keys=("stream",),
 )
 
 JOINTS = TableSpec(
@@ -111,15 +114,20 @@ class DecodeParams(StageParams):
     depth_camera_info_topic: str = ""  # empty: camera_info beside the images
     color_camera_info_topic: str = ""
     joint_topic: str = "/joint_states"
+    depth_unit_mm: PositiveFloat = 1.0  # how many millimetres a depth value is; depths in metres are multiplied by it
     gripper_topic: str = "/r2_ee_to_depth"  # end point of the gripper in the depth camera
     gripper_color_topic: str = "/r2_ee_to_rgb"  # the same in the colour camera
     tf_topic: str = "/tf"
     tf_static_topic: str = "/tf_static"
-    gripper_source: Literal["auto", "topic", "tf"] = "auto"  # auto: the topic, and tf where it has no answer
+    gripper_source: Literal["auto", "topic", "tf"] = "auto"  # auto: the surer one first, then the other
     camera_frame: str = "xtion1_depth_optical_frame"  # empty: the frame_id of the depth images
     color_camera_frame: str = "xtion1_rgb_optical_frame"  # empty: the frame_id of the colour images
     gripper_frame: str = "r2_ee"  # its origin is the end point of the gripper
     gripper_max_gap_s: PositiveFloat = 0.1  # longest time between two samples that is interpolated across
+    gripper_std_floor_m: PositiveFloat = 0.0001  # standard uncertainty of a sample: such an arm repeats to 0.08 mm
+    gripper_max_disagreement_m: PositiveFloat = 0.005  # median distance of topic and tf from which a note says so
+    level_frame: str = "base_link"  # its z axis points up; empty: no frame does
+    max_stamp_offset_s: PositiveFloat = 10.0  # farthest header stamp less record time may be from its median
 
 
 def decode(bag: Path, params: DecodeParams) -> dict[str, pa.Table]:
@@ -136,7 +144,8 @@ def decode(bag: Path, params: DecodeParams) -> dict[str, pa.Table]:
     -------
     dict of str to pyarrow.Table
         ``frames``: every image message of both streams, faulty ones with their fault; ``camera``: one row per stream;
-        ``gripper``: one row per usable image of either stream; ``joints``: one row per joint and message.
+        ``gripper``: one row per usable image of either stream; ``joints``: one row per joint and message; ``world``:
+        which way is down, one row per stream.
 
     Raises
     ------
@@ -149,6 +158,7 @@ def decode(bag: Path, params: DecodeParams) -> dict[str, pa.Table]:
         For all that is missing or left out.
     """
     from garment_dataset.bags import open_bag
+    from garment_dataset.bags.recorded_transforms import RecordedTransforms
 
     with open_bag(bag) as opened:
         topics = _image_topics(opened, params)
@@ -157,13 +167,15 @@ def decode(bag: Path, params: DecodeParams) -> dict[str, pa.Table]:
             for name, topic in topics.items()
         }
         for name, rows in streams.items():
-            _warn_of_frames(f"{bag.name}: {topics[name]}", rows)
+            _check_stamps(f"{bag.name}: {topics[name]}", rows, params.max_stamp_offset_s)
         camera = CAMERA.table(_read_cameras(opened, streams, params))
-        gripper = GRIPPER.table(_read_grippers(opened, streams, params))
-        joints = JOINTS.table(_read_joints(opened, params.joint_topic))
+        transforms = RecordedTransforms(opened, params.tf_topic, params.tf_static_topic, params.max_stamp_offset_s)
+        gripper = GRIPPER.table(_read_grippers(transforms, streams, params))
+        joints = JOINTS.table(_read_joints(opened, params))
+        world = WORLD.table(_read_world(transforms, streams, params))
     rows = [row for stream in streams.values() for row in stream]
     frames = FRAMES.table({column.name: [row[column.name] for row in rows] for column in FRAMES.columns})
-    return {"frames": frames, "camera": camera, "gripper": gripper, "joints": joints}
+    return {"frames": frames, "camera": camera, "gripper": gripper, "joints": joints, "world": world}
 
 
 def _image_topics(bag: Bag, params: DecodeParams) -> dict[Stream, str]:
@@ -171,17 +183,27 @@ def _image_topics(bag: Bag, params: DecodeParams) -> dict[Stream, str]:
     bases: dict[Stream, str] = {"depth": params.depth_topic, "color": params.color_topic}
     topics = {name: topic for name, base in bases.items() if (topic := bag.image_topic(base)) is not None}
     if not topics:
+        silent = _silent(bag, *bases.values())
         raise BagError(
             "no images",
             where=bag.path.name,
             expected=" or ".join(bases.values()),
-            found=", ".join(bag.topics) or "no topics",
-            hint="Name its topics in the pipeline file",
+            found=", ".join(silent or bag.topics) or "no topics",
+            hint="Its camera sent nothing" if silent else "Name its topics in the pipeline file",
         )
     for name, base in bases.items():
         if name not in topics:
-            warnings.warn(f"{bag.path.name}: no {name} images, {base} is missing", DataWarning, stacklevel=3)
+            why = ", ".join(_silent(bag, base)) or f"{base} is missing"
+            warnings.warn(f"{bag.path.name}: no {name} images, {why}", DataWarning, stacklevel=3)
     return topics
+
+
+def _silent(bag: Bag, *bases: str) -> list[str]:
+    """Name the image topics of these bases that were announced, but on which nothing came."""
+    from garment_dataset.bags.camera import image_base
+
+    silent = (topic for topic in bag.topics.values() if image_base(topic.name) in bases and not topic.count)
+    return [f"no message on {topic.name}" for topic in silent]
 
 
 def _frame_row(stream: Stream, topic: str, image: ImageMessage) -> Row:
@@ -213,125 +235,118 @@ def _usable(rows: Iterable[Row]) -> list[Row]:
     return [row for row in rows if row["fault"] is None]
 
 
-def _warn_of_frames(where: str, rows: list[Row]) -> None:
+def _check_stamps(where: str, rows: list[Row], max_offset_s: float) -> None:
+    """Mark the messages whose header stamps cannot be used as faulty; tell of all that are, and of two clocks."""
+    from garment_dataset.bags.stamps import Stamped, check_stamps, clock_note, summarise
+
+    times = [Stamped(row["frame"], row["stamp_ns"], row["record_stamp_ns"]) for row in _usable(rows)]
+    faults = check_stamps(times, max_offset_s=max_offset_s)
+    for row in rows:
+        if row["frame"] in faults:
+            row["fault"] = faults[row["frame"]].text
     if faulty := [row for row in rows if row["fault"] is not None]:
-        text = f"{where}: {len(faulty)} of {len(rows)} messages skipped, first message {faulty[0]['frame']}"
-        warnings.warn(f"{text}: {faulty[0]['fault']}", DataWarning, stacklevel=3)
-    pairs = pairwise(_usable(rows))
-    if late := [after["frame"] for before, after in pairs if after["stamp_ns"] <= before["stamp_ns"]]:
-        text = f"{where}: {len(late)} header stamps do not increase, first that of message {late[0]}"
-        warnings.warn(text, DataWarning, stacklevel=3)
+        text = f"{where}: {len(faulty)} of {len(rows)} messages skipped"
+        stamps = f"; {summarise(faults)}" if faults else ""
+        first = f"first message {faulty[0]['frame']}: {faulty[0]['fault']}"
+        warnings.warn(f"{text}, {first}{stamps}", DataWarning, stacklevel=3)
+    if note := clock_note(times):
+        warnings.warn(f"{where}: {note}", DataWarning, stacklevel=3)
 
 
 def _read_cameras(bag: Bag, frames: Mapping[Stream, list[Row]], params: DecodeParams) -> Columns:
-    """Return the camera of each stream; without that of the depth images nothing can be measured in them."""
-    from garment_dataset.bags.camera import read_camera
+    """Return the camera of each stream, for its usable images."""
+    from garment_dataset.bags.camera import camera_info_beside
 
+    usable = {name: _usable(rows) for name, rows in frames.items()}
     topics: dict[Stream, str] = {
-        "depth": params.depth_camera_info_topic or _beside(params.depth_topic),
-        "color": params.color_camera_info_topic or _beside(params.color_topic),
+        "depth": params.depth_camera_info_topic or camera_info_beside(params.depth_topic),
+        "color": params.color_camera_info_topic or camera_info_beside(params.color_topic),
     }
-    columns: Columns = {column.name: [] for column in CAMERA.columns}
-    for name, rows in frames.items():
-        try:
-            camera = read_camera(bag, topics[name])
-        except BagError as error:
-            if name == "depth":
-                raise
-            warnings.warn(f"camera of the color images left out: {error}", DataWarning, stacklevel=3)
-            continue
-        for column, value in {"stream": name, **asdict(camera)}.items():
-            columns[column].append(value)
-        sizes = {(row["width_px"], row["height_px"]) for row in _usable(rows)}
-        if others := sorted(sizes - {(camera.width_px, camera.height_px)}):
-            text = f"{topics[name]} is for {camera.width_px} x {camera.height_px} pixels"
-            found = ", ".join(f"{width} x {height}" for width, height in others)
-            warnings.warn(f"{bag.path.name}: {text}, {name} images have {found}", DataWarning, stacklevel=3)
-    return columns
+    return read_cameras(bag, usable, topics, depth_unit_mm=params.depth_unit_mm)
 
 
-def _beside(image_topic: str) -> str:
-    return f"{image_topic.rpartition('/')[0]}/camera_info"
-
-
-def _read_grippers(bag: Bag, streams: Mapping[Stream, list[Row]], params: DecodeParams) -> Columns:
+def _read_grippers(
+    transforms: RecordedTransforms, streams: Mapping[Stream, list[Row]], params: DecodeParams
+) -> Columns:
     """Return the end point at each usable image, in the optical frame of its own camera."""
-    from garment_dataset.bags.gripper import RecordedTransforms
-
-    transforms = RecordedTransforms(bag, params.tf_topic, params.tf_static_topic)
     columns: Columns = {column.name: [] for column in GRIPPER.columns}
     for stream, rows in streams.items():
-        for name, values in _read_gripper(bag, stream, _usable(rows), transforms, params).items():
+        for name, values in _read_gripper(stream, _usable(rows), transforms, params).items():
             columns[name] += values
     return columns
 
 
-def _read_gripper(
-    bag: Bag, stream: Stream, usable: list[Row], transforms: RecordedTransforms, params: DecodeParams
-) -> Columns:
+def _read_gripper(stream: Stream, usable: list[Row], transforms: RecordedTransforms, params: DecodeParams) -> Columns:
     """Return the end point at each image of one stream."""
     from garment_dataset.bags.gripper import read_gripper
 
-    topic, wanted = {
-        "depth": (params.gripper_topic, params.camera_frame),
-        "color": (params.gripper_color_topic, params.color_camera_frame),
-    }[stream]
-    stamps_ns = [row["stamp_ns"] for row in usable]
-    columns: Columns = {"stream": [stream] * len(usable), "frame": [row["frame"] for row in usable]}
-    columns["stamp_ns"] = stamps_ns
+    bag = transforms.bag
+    topic = {"depth": params.gripper_topic, "color": params.gripper_color_topic}[stream]
+    columns: Columns = {column.name: [None] * len(usable) for column in GRIPPER.columns}
+    columns |= {"stream": [stream] * len(usable), "frame": [row["frame"] for row in usable]}
+    columns["stamp_ns"] = [row["stamp_ns"] for row in usable]
     if stream == "color" and topic not in bag.topics and not transforms.recorded:
         # As good as every bag with the depth camera's topic alone: whoever needs the colour camera's says so
-        nothing = [None] * len(usable)
-        unknown = dict.fromkeys(("x_m", "y_m", "z_m", "source", "gap_ns"), nothing)
-        return {**columns, **unknown, "reason": ["not recorded"] * len(usable)}
-    of_images = usable[0]["frame_id"] if usable else wanted
-    camera_frame = wanted or of_images
+        return {**columns, "reason": ["not recorded"] * len(usable)}
+    camera_frame, of_images = _optical_frames(stream, usable, params)
     if camera_frame.lstrip("/") != of_images.lstrip("/"):
         text = f"{stream} images are in frame {of_images!r}, the gripper is given in {camera_frame!r}"
         warnings.warn(f"{bag.path.name}: {text}", DataWarning, stacklevel=4)
     track = read_gripper(
         bag,
-        stamps_ns,
+        columns["stamp_ns"],
         camera_frame=camera_frame,
         gripper_frame=params.gripper_frame,
         source=params.gripper_source,
         topic=topic,
         transforms=transforms,
         max_gap_s=params.gripper_max_gap_s,
+        std_floor_m=params.gripper_std_floor_m,
+        max_disagreement_m=params.gripper_max_disagreement_m,
+        max_stamp_offset_s=params.max_stamp_offset_s,
         stream=stream,
     )
-    return {
-        **columns,
-        "x_m": track.x_m.tolist(),
-        "y_m": track.y_m.tolist(),
-        "z_m": track.z_m.tolist(),
-        "source": list(track.source),
-        "gap_ns": list(track.gap_ns),
-        "reason": list(track.reason),
-    }
+    columns |= {name: getattr(track, name).tolist() for name in ("x_m", "y_m", "z_m")}
+    columns |= {f"{axis}_std_m": track.std_m[:, place].tolist() for place, axis in enumerate("xyz")}
+    columns |= {f"q{axis}": track.quaternion_xyzw[:, place].tolist() for place, axis in enumerate("xyzw")}
+    return columns | {name: list(getattr(track, name)) for name in ("source", "gap_ns", "reason")}
 
 
-def _read_joints(bag: Bag, topic: str) -> Columns:
-    """Return a row per joint and message; velocities may be absent, other lengths than that of the names may not."""
-    columns: Columns = {column.name: [] for column in JOINTS.columns}
-    left_out = 0
-    for message in bag.messages(topic):
-        state = message.data
-        if message.type != _JOINT_STATE or not {len(state.position), len(state.velocity)} <= {0, len(state.name)}:
-            left_out += 1
-            continue
-        count, stamp = len(state.name), state.header.stamp
-        columns["stamp_ns"] += [stamp.sec * 1_000_000_000 + stamp.nanosec] * count
-        columns["record_stamp_ns"] += [message.record_stamp_ns] * count
-        columns["joint"] += state.name
-        columns["position_rad"] += state.position.tolist() or [None] * count
-        columns["velocity_rad_s"] += state.velocity.tolist() or [None] * count
-    if topic not in bag.topics:
-        warnings.warn(f"{bag.path.name}: no joints, {topic} is missing", DataWarning, stacklevel=3)
-    if left_out:
-        text = f"{bag.path.name}: {left_out} messages left out: {topic}, no joint states"
-        warnings.warn(text, DataWarning, stacklevel=3)
+def _optical_frames(stream: Stream, usable: list[Row], params: DecodeParams) -> tuple[str, str]:
+    """Return the optical frame that is wanted for a stream, and that which its images name."""
+    wanted = {"depth": params.camera_frame, "color": params.color_camera_frame}[stream]
+    of_images = usable[0]["frame_id"] if usable else wanted
+    return wanted or of_images, of_images
+
+
+def _read_joints(bag: Bag, params: DecodeParams) -> Columns:
+    """Return a row per joint and message."""
+    from garment_dataset.bags.joints import read_joints
+
+    samples = read_joints(bag, params.joint_topic, max_stamp_offset_s=params.max_stamp_offset_s)
+    return {column.name: [getattr(sample, column.name) for sample in samples] for column in JOINTS.columns}
+
+
+def _read_world(transforms: RecordedTransforms, streams: Mapping[Stream, list[Row]], params: DecodeParams) -> Columns:
+    """Return which way is down in each stream."""
+    from garment_dataset.bags.gravity import read_gravity
+
+    columns: Columns = {column.name: [] for column in WORLD.columns}
+    for stream, rows in streams.items():
+        usable = _usable(rows)
+        gravity = read_gravity(
+            transforms,
+            [row["stamp_ns"] for row in usable],
+            camera_frame=_optical_frames(stream, usable, params)[0],
+            level_frame=params.level_frame,
+            max_gap_s=params.gripper_max_gap_s,
+            stream=stream,
+        )
+        x, y, z = gravity.direction or (None, None, None)
+        row = {"stream": stream, "gravity_x": x, "gravity_y": y, "gravity_z": z}
+        for name, value in {**row, "gravity_source": gravity.source, "reason": gravity.reason}.items():
+            columns[name].append(value)
     return columns
 
 
-STAGE = Stage(decode, params=DecodeParams, outputs=(FRAMES, CAMERA, GRIPPER, JOINTS))
+STAGE = Stage(decode, params=DecodeParams, outputs=(FRAMES, CAMERA, GRIPPER, JOINTS, WORLD))

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from numpy.typing import NDArray
 
+    from garment_dataset.bags import DepthReading
     from garment_dataset.catalog import CatalogRow
     from garment_dataset.layout import Layout
 
@@ -51,7 +52,8 @@ def save_frame(workspace: Layout, row: CatalogRow, frame: int, path: Path, *, st
     images = _rows(workspace, "frames", row.recording).query("stream == @chosen")
     check_usable(images, row.recording, frame, chosen)
     draw = _draw_depth if chosen == "depth" else _draw_color
-    draw(figure, workspace, row, frame, _pixels(row, frame, str(images["topic"].iloc[0]), chosen))
+    reading = _reading(workspace, row.recording) if chosen == "depth" else None
+    draw(figure, workspace, row, frame, _pixels(row, frame, str(images["topic"].iloc[0]), chosen, reading))
     figure.savefig(path, dpi=110)
 
 
@@ -131,12 +133,20 @@ def _rows(workspace: Layout, table: str, recording: str) -> pd.DataFrame:
     return load_features(table, folder=workspace.features_dir, recording=recording)
 
 
-def _pixels(row: CatalogRow, frame: int, topic: str, stream: Stream) -> NDArray[Any]:
-    from garment_dataset.bags import open_bag
+def _reading(workspace: Layout, recording: str) -> DepthReading:
+    """Return in which unit and byte order the build has read the depths."""
+    from garment_dataset.bags import DepthReading
+
+    camera = _rows(workspace, "camera", recording).query("stream == 'depth'").iloc[0]
+    return DepthReading(float(camera["depth_unit_mm"]), bool(camera["bytes_swapped"]))
+
+
+def _pixels(row: CatalogRow, frame: int, topic: str, stream: Stream, reading: DepthReading | None) -> NDArray[Any]:
+    from garment_dataset.bags import AS_SAID, open_bag
 
     assert row.path is not None
     with open_bag(row.path) as bag:
         for image in bag.images(topic, stream):
             if image.index == frame:
-                return image.pixels().copy()
+                return image.pixels(reading or AS_SAID).copy()
     raise UsageError(f"no such {stream} frame", where=row.path, found=frame)

@@ -13,6 +13,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from garment_dataset.bags import open_bag
 from garment_dataset.bags.gripper import GripperTrack, read_gripper
 from garment_dataset.errors import DataWarning
+from garment_dataset.simulate.motion import Swing
+from garment_dataset.simulate.robot import Robot
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -71,8 +73,8 @@ def stamped_vector(stamp_ns: int, position_m: Sequence[float]) -> Any:
     return T["geometry_msgs/msg/Vector3Stamped"](header=header(stamp_ns, CAMERA), vector=vector(position_m))
 
 
-def of_gripper(stamp_ns: int, position_m: Sequence[float]) -> Any:
-    return transform(stamp_ns, CAMERA, "r2_ee", position_m, QUARTER_Z)
+def of_gripper(stamp_ns: int, position_m: Sequence[float], turn: Sequence[float] = QUARTER_Z) -> Any:
+    return transform(stamp_ns, CAMERA, "r2_ee", position_m, turn)
 
 
 def of_camera(stamp_ns: int, position_m: Sequence[float]) -> Any:
@@ -133,7 +135,8 @@ def test_the_order_of_arrival_does_not_matter(path: Path, order: list[tuple[int,
 def test_a_message_of_that_very_stamp_is_taken_as_it_is(path: Path) -> None:
     far = [(START - 10**9, (9.0, 9.0, 9.0)), (START, (0.1, 0.2, 0.3)), (START + 10**9, (9.0, 9.0, 9.0))]
     repeated = (START, (7.0, 7.0, 7.0))
-    found = track(path, [(TOPIC, point(*sample)) for sample in [*far, repeated]], [START])
+    with pytest.warns(DataWarning, match=f"1 messages left out: {TOPIC}, 1 header stamps do not increase, first .* 3"):
+        found = track(path, [(TOPIC, point(*sample)) for sample in [*far, repeated]], [START])
     assert positions(found) == [[0.1, 0.2, 0.3]], "and of several the first"
     assert found.gap_ns == (0,)
 
@@ -172,10 +175,11 @@ def test_each_frame_takes_the_source_that_answers(path: Path) -> None:
     messages += [(TF, tf(arm(START + ms * MS, (ms, 0, 0)))) for ms in (0, 20, 40, 60)]
     messages += [(TOPIC, point(START + ms * MS, (1000 + ms, 0, 0))) for ms in (20, 40)]
     stamps_ns = [START + ms * MS for ms in (10, 30, 50)]
-    both = track(path, messages, stamps_ns)
-    assert (both.x_m.tolist(), both.source) == ([10.0, 1030.0, 50.0], ("tf", "topic", "tf"))
+    with pytest.warns(DataWarning, match=r"disagree on the gripper by 1000000.0 mm, median of 1; topic is asked first"):
+        both = track(path, messages, stamps_ns)
+    assert (both.x_m.tolist(), both.source) == (pytest.approx([10, 1030, 50]), ("tf", "topic", "tf"))
     alone = track(path, messages, stamps_ns, source="tf")
-    assert (alone.x_m.tolist(), alone.source) == ([10.0, 30.0, 50.0], ("tf",) * 3)
+    assert (alone.x_m.tolist(), alone.source) == (pytest.approx([10, 30, 50]), ("tf",) * 3)
     with pytest.warns(DataWarning, match="2 of 3 depth frames"):
         assert track(path, messages, stamps_ns, source="topic").source == (None, "topic", None)
 
@@ -257,3 +261,115 @@ def test_malformed_transforms_are_counted(path: Path) -> None:
 def test_no_frames_no_rows(path: Path) -> None:
     found = track(path, [(TOPIC, point(START, (0, 0, 1)))], [])
     assert (found.x_m.shape, found.source, found.gap_ns, found.reason) == ((0,), (), (), ())
+
+
+def test_the_orientation_is_told_by_poses_and_transforms_and_not_by_points(path: Path) -> None:
+    for make in (pose, of_gripper, of_camera):
+        found = track(path, [(TOPIC, make(*sample)) for sample in SAMPLES], [START, START + 10 * MS])
+        np.testing.assert_allclose(found.quaternion_xyzw, [QUARTER_Z] * 2, atol=1e-15)
+    found = track(path, [(TOPIC, point(*sample)) for sample in SAMPLES], [START])
+    assert np.isnan(found.quaternion_xyzw).all()
+    static = (TF_STATIC, tf(transform(0, CAMERA, "r2_ee", (0.0, -0.2, 1.06), QUARTER_Z)))
+    found = track(path, [static, *((TOPIC, point(*sample)) for sample in SAMPLES)], [START])
+    np.testing.assert_allclose(found.quaternion_xyzw, [QUARTER_Z], err_msg="from the other source")
+    assert found.source == ("topic",)
+
+
+def test_the_orientation_never_flips_its_sign(path: Path) -> None:
+    turns = [(0.0, 0.0, math.sin(step / 2), math.cos(step / 2)) for step in range(8)]
+    signed = [tuple((-1) ** step * component for component in turn) for step, turn in enumerate(turns)]
+    messages = [of_gripper(START + step * MS, (0, 0, 1), turn) for step, turn in enumerate(signed)]
+    found = track(path, [(TOPIC, each) for each in messages], [START + step * MS for step in range(8)])
+    np.testing.assert_allclose(found.quaternion_xyzw, turns, atol=1e-12)
+
+
+def test_samples_with_wrong_stamps_are_not_used(path: Path) -> None:
+    clean = [(TOPIC, point(START + step * 30 * MS, (0.01 * step**2, 0, 1))) for step in range(12)]
+    clean += [(TF, tf(arm(START + step * 20 * MS, (0.01 * step, 0, 1)))) for step in range(18)]
+    clean += [(TF_STATIC, tf(transform(0, "base_link", CAMERA, (0, 0, 0))))]
+    wild = [0, START - 10**9 * 10**9, START + 5 * 10**9, START + 60 * MS]  # the last one repeats a sample
+    stamps_ns = [START + ms * MS for ms in (45, 100, 150)]
+    for source in ("topic", "tf"):
+        expected = track(path, clean, stamps_ns, source=source)
+        messages = list(clean)
+        for stamp_ns in wild:
+            messages.insert(6, (TOPIC, point(stamp_ns, (9, 9, 9))))
+            messages.insert(-6, (TF, tf(arm(stamp_ns, (9, 9, 9)))))
+        with pytest.warns(DataWarning, match="left out") as caught:
+            found = track(path, messages, stamps_ns, source=source)
+        assert positions(found) == positions(expected)
+        assert len(caught) == 1
+        text = str(caught[0].message)
+        assert ("3 of 22 transforms on /tf left out" if source == "tf" else f"4 messages left out: {TOPIC}, ") in text
+
+
+def simulated(rates_hz: tuple[float, float], offset_m: float = 0.0) -> tuple[Swing, list[tuple[str, Any]]]:
+    """The gripper of a simulated recording at full speed, by topic and by the robot's transforms."""
+    swing = Swing("R", math.pi / 16, 0.5, 0.5)
+    robot, messages = Robot(swing), list[tuple[str, Any]]()
+    fixed = [transform(0, link.parent, link.child, link.translation_m, link.quaternion_xyzw) for link in robot.fixed]
+    messages.append((TF_STATIC, tf(*fixed)))
+    topic_hz, tf_hz = rates_hz
+    for time_s in np.arange(0.0, 3.0, 1 / topic_hz).tolist():
+        place = swing.gripper_m(time_s) + np.array([offset_m, 0.0, 0.0])
+        messages.append((TOPIC, point(START + round(time_s * 1e9), place.tolist())))
+    for time_s in np.arange(0.0, 3.0, 1 / tf_hz).tolist():
+        stamp_ns = START + round(time_s * 1e9)
+        links = [
+            transform(stamp_ns, link.parent, link.child, link.translation_m, link.quaternion_xyzw)
+            for link in robot.links(time_s)
+        ]
+        messages.append((TF, tf(*links)))
+    return swing, messages
+
+
+@pytest.mark.parametrize(
+    ("rates_hz", "source", "chosen", "most_mm"),
+    [
+        ((30.0, 50.0), "topic", "topic", 0.004),
+        ((30.0, 50.0), "tf", "tf", 0.001),
+        ((30.0, 50.0), "auto", "topic", 0.004),
+        ((11.0, 50.0), "auto", "tf", 0.001),
+        ((30.0, 11.0), "auto", "topic", 0.004),
+    ],
+)
+def test_simulated_truth_is_met_by_the_surer_source(
+    path: Path, rates_hz: tuple[float, float], source: str, chosen: str, most_mm: float
+) -> None:
+    swing, messages = simulated(rates_hz)
+    times_s = np.arange(0.1, 2.8, 0.0337)
+    stamps_ns = [START + round(time_s * 1e9) for time_s in times_s.tolist()]
+    found = track(path, messages, stamps_ns, source=source)
+    assert set(found.source) == {chosen}
+    errors_m = np.abs(positions(found) - swing.gripper_m(times_s))
+    assert errors_m.max() * 1e3 < most_mm
+    assert (errors_m <= found.std_m).all()
+    assert (found.std_m >= 1e-4).all()
+    assert found.std_m.max() < 1.2e-4
+
+
+def test_the_uncertainty_grows_with_the_gap_between_samples(path: Path) -> None:
+    swing, messages = simulated((11.0, 50.0))
+    times_s = np.arange(0.1, 2.8, 0.0337)
+    found = track(path, messages, [START + round(time_s * 1e9) for time_s in times_s.tolist()], source="topic")
+    errors_m = np.abs(positions(found) - swing.gripper_m(times_s))
+    assert found.std_m.max() > 1.2e-4
+    assert (errors_m <= 2 * found.std_m).all()
+    assert track(path, messages, [START], source="topic", std_floor_m=0.001).std_m.tolist() == [[0.001] * 3]
+
+
+def test_sources_that_disagree_are_announced_with_the_number(path: Path) -> None:
+    _, messages = simulated((30.0, 50.0), offset_m=0.0074)
+    stamps_ns = [START + ms * MS for ms in range(500, 1500, 33)]
+    with pytest.warns(
+        DataWarning, match=r"depth frames: topic and tf disagree on the gripper by 7\.4 mm, median of 31"
+    ):
+        found = track(path, messages, stamps_ns)
+    assert set(found.source) == {"topic"}, "one source for all: a disagreement is no motion"
+    assert set(track(path, messages, stamps_ns, max_disagreement_m=0.008).source) == {"topic"}
+
+
+def test_two_samples_alone_give_a_point_without_uncertainty(path: Path) -> None:
+    found = track(path, [(TOPIC, point(*sample)) for sample in SAMPLES[:2]], [START, START + 10 * MS], source="topic")
+    assert np.isnan(found.std_m).all(axis=1).tolist() == [False, True]
+    assert not np.isnan(positions(found)).any()

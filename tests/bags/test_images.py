@@ -14,7 +14,9 @@ from hypothesis.extra import numpy as hnp
 
 from garment_dataset.bags.headers import ImageHeader, read_image
 from garment_dataset.bags.images import (
+    AS_SAID,
     ENCODINGS,
+    DepthReading,
     decode_compressed_color,
     decode_compressed_depth,
     decode_rows,
@@ -28,7 +30,7 @@ IMAGE, COMPRESSED = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 STAMP_NS = 1_391_700_000_123_456_789
 FRAMES = {"width_px": 3, "height_px": 2}
 COLOR = np.arange(2 * 3 * 3, dtype=np.uint8).reshape(2, 3, 3) * 11
-DEPTH = np.array([[0, 1070, 1073], [65535, 256, 1]], np.uint16)
+DEPTH = np.array([[0, 1070, 1073], [65534, 256, 1]], np.uint16)
 
 
 def padded(pixels: np.ndarray[Any, Any], padding_bytes: int = 0) -> bytes:
@@ -41,7 +43,7 @@ def pixels_of(data: bytes, header: ImageHeader) -> np.ndarray[Any, Any]:
     assert header.decode is not None
     assert header.start_bytes is not None
     assert header.size_bytes is not None
-    return header.decode(memoryview(data)[header.start_bytes : header.start_bytes + header.size_bytes])
+    return header.decode(memoryview(data)[header.start_bytes : header.start_bytes + header.size_bytes], AS_SAID)
 
 
 def png(pixels: np.ndarray[Any, Any]) -> bytes:
@@ -68,17 +70,62 @@ def test_depth_in_millimetres_is_itself(wire: Any, encoding: str, big_endian: bo
 
 @pytest.mark.parametrize("big_endian", [False, True])
 def test_depth_in_metres_is_rounded_and_what_is_no_distance_becomes_zero(wire: Any, big_endian: bool) -> None:
-    depth_m = np.array([[np.nan, np.inf, -np.inf, -1.0, 0.0], [0.0004, 1.0704, 1.0706, 65.535, 65.536]])
+    depth_m = np.array([[np.nan, np.inf, -np.inf, -1.0, 0.0], [0.0004, 1.0704, 1.0706, 65.534, 65.535]])
     stored = depth_m.astype(">f4" if big_endian else "<f4")
     data = wire.image(
         padded(stored, 4), encoding="32FC1", width_px=5, height_px=2, step_bytes=24, big_endian=big_endian
     )
     pixels = pixels_of(data, read_image(memoryview(data), IMAGE, "depth", cdr=wire.cdr))
-    np.testing.assert_array_equal(pixels, np.array([[0, 0, 0, 0, 0], [0, 1070, 1071, 65535, 0]], np.uint16))
+    np.testing.assert_array_equal(pixels, np.array([[0, 0, 0, 0, 0], [0, 1070, 1071, 65534, 0]], np.uint16))
+
+
+@pytest.mark.parametrize("encoding", ["16UC1", "mono16"])
+def test_65535_is_no_return(encoding: str) -> None:
+    stored = np.array([[65535, 1070, 0]], np.uint16)
+    for pixels in (
+        decode_rows(
+            memoryview(stored.tobytes()),
+            AS_SAID,
+            encoding=ENCODINGS["depth"][encoding],
+            width_px=3,
+            height_px=1,
+            step_bytes=6,
+            big_endian=False,
+        ),
+        decode_compressed_depth(memoryview(png(stored)), AS_SAID, encoding="16UC1; compressedDepth png"),
+    ):
+        np.testing.assert_array_equal(pixels, [[0, 1070, 0]])
+
+
+@pytest.mark.parametrize(
+    ("dtype", "unit_mm", "stored", "expected"),
+    [
+        ("u2", 0.25, [4280, 4281, 4282, 65535, 0], [1070, 1070, 1070, 0, 0]),  # halves to even
+        ("u2", 10.0, [107, 6553, 6554, 65535, 0], [1070, 65530, 0, 0, 0]),
+        ("f4", 0.001, [1070.0, 1070.6, 65535.0, np.nan, 0.0], [1070, 1071, 0, 0, 0]),  # millimetres as 32FC1
+    ],
+)
+@pytest.mark.parametrize("swapped", [False, True])
+def test_depth_in_another_unit_and_byte_order(
+    dtype: str, unit_mm: float, stored: list[float], expected: list[int], swapped: bool
+) -> None:
+    data = np.array([stored], dtype=(">" if swapped else "<") + dtype)
+    pixels = decode_rows(
+        memoryview(data.tobytes()),
+        DepthReading(unit_mm, swapped),
+        encoding=ENCODINGS["depth"]["16UC1" if dtype == "u2" else "32FC1"],
+        width_px=5,
+        height_px=1,
+        step_bytes=data.nbytes,
+        big_endian=False,
+    )
+    assert pixels.dtype == np.uint16
+    np.testing.assert_array_equal(pixels, [expected])
 
 
 def test_every_whole_millimetre_survives_metres_in_single_precision() -> None:
     depth_mm = np.arange(2**16, dtype=np.uint16).reshape(256, 256)
+    depth_mm[-1, -1] = 0  # 65535 is no return
     np.testing.assert_array_equal(depth_in_millimetres(depth_mm.astype(np.float32) / np.float32(1000)), depth_mm)
 
 
@@ -91,6 +138,8 @@ def test_every_whole_millimetre_survives_metres_in_single_precision() -> None:
         ("rgba8", np.insert(COLOR, 3, 200, axis=-1), COLOR),
         ("bgra8", np.insert(COLOR[..., ::-1], 3, 200, axis=-1), COLOR),
         ("mono8", COLOR[..., 0], np.repeat(COLOR[..., :1], 3, axis=-1)),
+        ("8UC3", COLOR[..., ::-1], COLOR),
+        ("8UC1", COLOR[..., 0], np.repeat(COLOR[..., :1], 3, axis=-1)),
     ],
 )
 def test_color_becomes_rgb(
@@ -106,11 +155,12 @@ def test_color_becomes_rgb(
 @pytest.mark.parametrize(("kind", "encoding"), [(kind, name) for kind in ENCODINGS for name in ENCODINGS[kind]])
 def test_pixels_are_read_only_and_views_where_nothing_is_converted(kind: Kind, encoding: str) -> None:
     layout = ENCODINGS[kind][encoding]
-    step = 3 * layout.channels * np.dtype(layout.dtype).itemsize + 1
-    buffer = bytearray(2 * step)
+    step = 4 * layout.channels * np.dtype(layout.dtype).itemsize + 1
+    buffer = bytearray(3 * step)
     pixels = decode_rows(
-        memoryview(buffer), encoding=layout, width_px=3, height_px=2, step_bytes=step, big_endian=False
+        memoryview(buffer), AS_SAID, encoding=layout, width_px=4, height_px=3, step_bytes=step, big_endian=False
     )
+    assert pixels.shape == ((3, 4) if kind == "depth" else (3, 4, 3))
     assert not pixels.flags.writeable
     assert np.shares_memory(pixels, np.frombuffer(buffer, np.uint8)) == (encoding in {"16UC1", "mono16", "rgb8"})
 
@@ -143,7 +193,7 @@ def test_inverse_depth_is_recovered_within_its_quantisation(depth_m: np.ndarray[
     with np.errstate(invalid="ignore"):
         inverse = np.where(np.isnan(depth_m), 0, a / depth_m + b).astype(np.uint16)
     data = struct.pack("<iff", 0, a, b) + png(inverse)
-    depth_mm = decode_compressed_depth(memoryview(data), encoding="32FC1; compressedDepth png")
+    depth_mm = decode_compressed_depth(memoryview(data), AS_SAID, encoding="32FC1; compressedDepth png")
     assert depth_mm[0, 0] == 0
     seen = ~np.isnan(depth_m)
     step_mm = 1000 * depth_m[seen] ** 2 / a  # one level of the PNG, to first order
@@ -153,12 +203,12 @@ def test_inverse_depth_is_recovered_within_its_quantisation(depth_m: np.ndarray[
 
 def test_inverse_depth_without_its_parameters_cannot_be_decoded() -> None:
     with pytest.raises(MessageError, match="expected 12 bytes before the PNG, found 0"):
-        decode_compressed_depth(memoryview(png(DEPTH)), encoding="32FC1; compressedDepth png")
+        decode_compressed_depth(memoryview(png(DEPTH)), AS_SAID, encoding="32FC1; compressedDepth png")
 
 
 def test_a_pole_of_inverse_depth_is_no_distance() -> None:
     data = struct.pack("<iff", 0, 10.0, 5.0) + png(np.array([[4, 5, 6, 0]], np.uint16))
-    depth_mm = decode_compressed_depth(memoryview(data), encoding="32FC1; compressedDepth")
+    depth_mm = decode_compressed_depth(memoryview(data), AS_SAID, encoding="32FC1; compressedDepth")
     np.testing.assert_array_equal(depth_mm, [[0, 0, 10_000, 0]])
 
 
@@ -196,14 +246,14 @@ def test_a_jpeg_comes_back_nearly_and_is_never_turned() -> None:
 def test_a_truncated_file_cannot_be_decoded(cut: int) -> None:
     noise = np.random.default_rng(1).integers(0, 2**16, (16, 16), np.uint16)
     with pytest.raises(MessageError, match="cannot be decoded"):
-        decode_compressed_depth(memoryview(png(noise)[:cut]), encoding="16UC1; compressedDepth")
+        decode_compressed_depth(memoryview(png(noise)[:cut]), AS_SAID, encoding="16UC1; compressedDepth")
     with pytest.raises(MessageError, match="cannot be decoded"):
         decode_compressed_color(memoryview(png(noise)[:cut]), encoding="png")
 
 
 def test_a_png_of_eight_bit_is_no_depth() -> None:
     with pytest.raises(MessageError, match=r"expected uint16 in one channel, found uint8"):
-        decode_compressed_depth(memoryview(png(COLOR)), encoding="png")
+        decode_compressed_depth(memoryview(png(COLOR)), AS_SAID, encoding="png")
 
 
 GOOD: dict[str, Any] = {"encoding": "16UC1", "width_px": 3, "height_px": 2, "step_bytes": 6}
@@ -214,7 +264,9 @@ GOOD: dict[str, Any] = {"encoding": "16UC1", "width_px": 3, "height_px": 2, "ste
     [
         ({"encoding": "16UC7"}, 12, "depth", "encoding: expected 16UC1 or mono16 or 32FC1, found '16UC7'"),
         ({"encoding": "rgb8"}, 12, "depth", "encoding: expected 16UC1 or mono16 or 32FC1, found 'rgb8'"),
-        ({}, 12, "color", "encoding: expected rgb8 or bgr8 or rgba8 or bgra8 or mono8, found '16UC1'"),
+        ({}, 12, "color", "encoding: expected rgb8 or bgr8 or rgba8 or bgra8 or mono8 or 8UC3 or 8UC1 or yuv422 or "),
+        ({"encoding": "yuv422"}, 12, "color", "size: expected a width that is a multiple of 2, found 3 x 2"),
+        ({"encoding": "bayer_rggb8"}, 12, "color", "size: expected at least 3 x 3 pixels, found 3 x 2"),
         ({"width_px": 0}, 12, "depth", "size: expected at least one pixel, found 0 x 2"),
         ({"height_px": 0}, 0, "depth", "size: expected at least one pixel, found 3 x 0"),
         ({"step_bytes": 5}, 10, "depth", "step: expected at least 6 bytes for 3 pixels, found 5 bytes"),
@@ -241,12 +293,6 @@ def test_what_does_not_fit_is_a_fault_that_says_so(
 @pytest.mark.parametrize(
     ("form", "file", "kind", "fault"),
     [
-        (
-            "16UC1; compressedDepth rvl",
-            b"\0" * 40,
-            "depth",
-            "data: expected a PNG image, found '16UC1; compressedDepth rvl",
-        ),
         ("jpeg", b"\xff\xd8\xff\xe0" + b"\0" * 40, "depth", "data: expected a PNG image"),
         (
             "jpeg",

@@ -71,7 +71,7 @@ def streams(draw: st.DrawFn) -> tuple[str, bool, int, list[Pixels]]:
     encoding = draw(st.sampled_from(sorted(RAW)))
     shape = (draw(st.integers(1, 5)), draw(st.integers(1, 7)))
     if RAW[encoding].itemsize > 1:
-        images = hnp.arrays(np.uint16, shape)
+        images = hnp.arrays(np.uint16, shape, elements=st.integers(0, 65534))  # 65535 is no return
     else:
         images = hnp.arrays(np.uint8, (*shape, 3))
         if encoding == "mono8":

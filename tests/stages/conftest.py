@@ -11,7 +11,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 from garment_dataset.engine.table import Label
 from garment_dataset.stages import stage
-from garment_dataset.stages.decode import CAMERA, FRAMES, GRIPPER
+from garment_dataset.stages.cameras import CAMERA
+from garment_dataset.stages.decode import FRAMES, GRIPPER
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -171,7 +172,7 @@ class ColorTables:
     def camera(self, size: tuple[int, int], f_px: float, c_px: tuple[float, float]) -> Any:
         k = {"fx_px": f_px, "fy_px": f_px, "cx_px": c_px[0], "cy_px": c_px[1]}
         row = {"frame_id": "camera", "width_px": size[0], "height_px": size[1], **k}
-        row |= {"distortion_model": "plumb_bob", "distortion": [0.0] * 5}
+        row |= {"distortion_model": "plumb_bob", "distortion": [0.0] * 5, "matrix": "K"}
         return self.of(CAMERA, [{**row, "stream": "depth", "fx_px": 1.0, "fy_px": 1.0}, {**row, "stream": "color"}])
 
     def gripper(self, stamps_ns: Sequence[int], positions_m: Sequence[Sequence[float] | None]) -> Any:

@@ -7,7 +7,8 @@ import pytest
 
 from garment_dataset.bags.rosbag1 import Rosbag1
 from garment_dataset.errors import BagError, DataWarning
-from garment_dataset.stages.decode import CAMERA, FRAMES, GRIPPER, JOINTS, STAGE, DecodeParams, decode
+from garment_dataset.stages.cameras import CAMERA
+from garment_dataset.stages.decode import FRAMES, GRIPPER, JOINTS, STAGE, WORLD, DecodeParams, decode
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -70,7 +71,7 @@ def rows(table: Any, **where: object) -> list[dict[str, Any]]:
 
 def test_the_stage_declares_what_it_returns(whole: Any) -> None:
     outputs = STAGE.run({"bag": whole.write()}, DecodeParams())
-    assert STAGE.outputs == (FRAMES, CAMERA, GRIPPER, JOINTS)
+    assert STAGE.outputs == (FRAMES, CAMERA, GRIPPER, JOINTS, WORLD)
     assert list(outputs) == [spec.name for spec in STAGE.outputs]
     assert (STAGE.name, STAGE.inputs) == ("decode", ())
 
@@ -106,6 +107,9 @@ def test_each_stream_has_its_own_camera(whole: Any) -> None:
             "cy_px": 2.5,
             "distortion_model": "plumb_bob",
             "distortion": [0.1, -0.2, 0.0, 0.0, 0.0],
+            "matrix": "K",
+            "depth_unit_mm": 1.0,
+            "bytes_swapped": False,
         }
     ]
     assert [row["fx_px"] for row in rows(camera, stream="color")] == [525.0]
@@ -314,19 +318,10 @@ def test_colour_that_was_never_calibrated_is_announced(whole: Any, ros: Any) -> 
 
 
 def test_a_camera_of_another_size_is_announced(whole: Any, ros: Any) -> None:
-    info = ros.camera_info(START, OPTICAL, (16, 12))
+    info = ros.camera_info(START, OPTICAL, (16, 11))
     whole.rows = [(row[0], DEPTH_INFO, info) if row[1] == DEPTH_INFO else row for row in whole.rows]
-    with pytest.warns(DataWarning, match=f"{DEPTH_INFO} is for 16 x 12 pixels, depth images have 8 x 6"):
+    with pytest.warns(DataWarning, match=f"{DEPTH_INFO} is for 16 x 11 pixels, depth images have 8 x 6"):
         decode(whole.write(), DecodeParams())
-
-
-def test_stamps_that_do_not_increase_are_announced(whole: Any, ros: Any) -> None:
-    # the camera's clock stood still once and jumped back once
-    whole.add(DEPTH, ros.image(STAMPS[5], OPTICAL, depth_mm(6), "16UC1"), delay_ns=6_000_000)
-    whole.add(DEPTH, ros.image(STAMPS[1], OPTICAL, depth_mm(7), "16UC1"), delay_ns=200_000_000)
-    with pytest.warns(DataWarning, match=f"{DEPTH}: 2 header stamps do not increase, first that of message 6"):
-        outputs = decode(whole.write(), DecodeParams())
-    assert rows(outputs["gripper"])[7]["x_m"] == rows(outputs["gripper"])[1]["x_m"]
 
 
 def test_the_camera_frame_may_be_that_of_the_images(recorder: Any, ros: Any) -> None:
