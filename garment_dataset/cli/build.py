@@ -14,6 +14,7 @@ from garment_dataset.cli.status import (
     open_session,
     recordings_text,
     results_text,
+    say_left_out,
     say_partial,
     say_quality,
     show_plan,
@@ -94,6 +95,7 @@ def _say_idle(plan: Plan, session: Session, *, as_json: bool) -> None:
     else:
         _say_blocked(session)
         say("nothing to do: " + ", ".join(f"{count} {state}" for state, count in counts.items()))
+    say_left_out(session)
     say_quality({decision.node.subject: decision.notes for decision in plan if decision.node.stage == QUALITY_STAGE})
 
 
@@ -126,6 +128,7 @@ def _summarise(report: Report, session: Session, *, as_json: bool) -> None:
         say("`garment why NAME` shows where; `garment build --failed` tries again")
     _say_blocked(session)
     say_partial(session)
+    say_left_out(session)
     say(", ".join(f"{count} {name}" for name, count in counts.items() if count))
     if report.of(Ending.BUILT) or report.of(Ending.LINKED):
         say(f"results: {session.layout.features_dir}")

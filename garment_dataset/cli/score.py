@@ -12,6 +12,7 @@ from garment_dataset.cli.output import JsonOption, print_json, print_table
 if TYPE_CHECKING:
     from garment_dataset.score.points import PointScore
     from garment_dataset.score.silhouettes import SilhouetteScore
+    from garment_dataset.score.tables import ColumnScore
 
 _POINT_COLUMNS = [
     "recording",
@@ -43,7 +44,7 @@ _SILHOUETTE_COLUMNS = [
     "95 % [px]",
     "material line [px]",
 ]
-_TABLE_COLUMNS = ["recording", "table", "column", "expected", "coverage", "rms", "median", "95 %", "(error/std)²"]
+_TABLE_COLUMNS = ["recording", "table", "column", "coverage [%]", "rms", "median", "95 %", "(error/std)²"]
 
 
 def score(
@@ -54,13 +55,16 @@ def score(
     truth: Annotated[
         Path, typer.Argument(exists=True, file_okay=False, help="Folder with *.truth folders.", metavar="TRUTH")
     ],
-    variant: Annotated[str, typer.Option("--variant", help="Which variant; by default the one without a name.")] = "",
+    variant: Annotated[
+        str, typer.Option("--variant", help="Which results; `default`: those without a name.")
+    ] = "default",
     as_json: JsonOption = False,
 ) -> None:
     """Compare features of simulated recordings with their truth."""
     from garment_dataset.score.recordings import score as score_recordings
+    from garment_dataset.workspace.pipelines import DEFAULT_VARIANT
 
-    scores = score_recordings(features, truth, variant)
+    scores = score_recordings(features, truth, "" if variant == DEFAULT_VARIANT else variant)
     if as_json:
         print_json(
             {
@@ -75,7 +79,7 @@ def score(
     if scores.silhouettes:
         print_table(_SILHOUETTE_COLUMNS, [_silhouette_cells(row) for row in scores.silhouettes], title="Silhouettes")
     if scores.tables:
-        print_table(_TABLE_COLUMNS, [list(row.record().values()) for row in scores.tables], title="Other tables")
+        print_table(_TABLE_COLUMNS, [_table_cells(row) for row in scores.tables], title="Other tables")
 
 
 def _point_cells(row: PointScore) -> list[object]:
@@ -105,6 +109,12 @@ def _silhouette_cells(row: SilhouetteScore) -> list[object]:
         _number(row.midline_p95_px, 1, 2),
         _number(row.material_mean_px, 1, 1),
     ]
+
+
+def _table_cells(row: ColumnScore) -> list[object]:
+    sizes = (None if value is None else f"{value:.3g}" for value in (row.rms, row.median, row.p95))
+    names = (row.recording, row.table, row.column)
+    return [*names, _number(row.coverage, 100, 1), *sizes, _number(row.variance, 1, 2)]
 
 
 def _number(value: float | None, factor: float, digits: int) -> str | None:

@@ -150,6 +150,7 @@ def show_plan(plan: Plan, session: Session, *, as_json: bool) -> None:
     if absent:
         print(f"{absent} recordings of the catalog have no bag here (`garment list state=missing`)")
     say_partial(session)
+    say_left_out(session)
     say_quality(
         {decision.node.subject: decision.notes for decision in decisions if decision.node.stage == QUALITY_STAGE}
     )
@@ -195,6 +196,19 @@ def say_quality(notes: Mapping[str, Sequence[str]]) -> None:
             say(f"  {subject}: {text}")
     if len(found) > _SHOWN:
         say(f"  ... and {len(found) - _SHOWN} more: `garment list quality!=ok`")
+
+
+def say_left_out(session: Session) -> None:
+    """Say which bags of the folder are not built, since their names say nothing, or the recorder did not finish."""
+    found = session.catalog.found
+    if found is None:
+        return
+    left_out = [f"{path.name}: {error.what}" for path, error in found.refused]
+    left_out += [f"{path.name}: not finished" for path in found.unfinished]
+    for text in left_out[:_SHOWN]:
+        say(f"left out: {text} (`garment lint`)")
+    if len(left_out) > _SHOWN:
+        say(f"left out: {len(left_out) - _SHOWN} more (`garment lint`)")
 
 
 def say_partial(session: Session) -> None:

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import difflib
+import json
+import reprlib
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
@@ -35,18 +38,40 @@ def variant_folder(folder: Path, variant: str) -> Path:
     if not variant:
         return folder
     if variant not in (known := variants_of(folder)):
+        nearest = difflib.get_close_matches(variant, known, n=1)
         raise StoreError(
             f"no variant {variant!r}",
             where=folder,
-            expected=f"one of {known}" if known else "a pipeline file with `variant`",
-            hint="`garment build` makes it.",
+            expected=f"one of {known}" if known else "none: there is only the usual one",
+            hint=f"Did you mean {nearest[0]!r}?" if nearest else "`garment build` makes those that pipelines name.",
         )
     return folder / f"{_VARIANT}{variant}"
 
 
 def tables_in(folder: Path) -> list[str]:
     """Return the tables of which there are results in the folder of a variant."""
-    return sorted(path.name for path in folder.glob("*") if path.is_dir() and not path.name.startswith((_VARIANT, ".")))
+    folders = (path for path in folder.glob("*") if path.is_dir() and not path.name.startswith((_VARIANT, ".")))
+    return sorted(path.name for path in folders if any(True for _ in path.glob("**/*.parquet")))
+
+
+def result_files(folder: Path, table: str) -> list[Path]:
+    """Return the files of a table in the folder of a variant; each is called after what it is about."""
+    return sorted(path for path in (folder / table).glob("**/*.parquet") if not path.name.startswith("."))
+
+
+def read_result(path: Path) -> pd.DataFrame:
+    """Return the rows of one file, without what its path says."""
+    import pyarrow.parquet as pq
+
+    with pq.ParquetFile(path) as file:
+        return _to_frame(file.read())
+
+
+def table_description(folder: Path, table: str) -> dict[str, Any]:
+    """Return what was written about a table beside its files; nothing where another program made them."""
+    path = folder / table / "_schema.json"
+    found: dict[str, Any] = json.loads(path.read_text("utf-8")) if path.is_file() else {}
+    return found
 
 
 def open_features(table: str, *, folder: Path | None = None, variant: str = "") -> ds.Dataset:
@@ -70,7 +95,7 @@ def open_features(table: str, *, folder: Path | None = None, variant: str = "") 
     import pyarrow.dataset as ds
 
     root = variant_folder(_features_folder(folder), variant)
-    files = sorted(str(path) for path in (root / table).glob("**/*.parquet") if not path.name.startswith("."))
+    files = [str(path) for path in result_files(root, table)]
     if not files:
         built = tables_in(root)
         raise StoreError(
@@ -104,12 +129,12 @@ def load_features(
         Whose results; by default those of the pipelines without a variant.
     **filters : value or sequence of values
         Columns and what they must equal: ``garment="GreenTowel"``, ``recording=[...]``, ``point=[1, 2]``, also as an
-        array, a Series or a range; None asks for nulls.
+        array, a Series or a range; None asks for nulls, and of an empty list nothing is wanted.
 
     Raises
     ------
     StoreError
-        If nothing was built for this table.
+        If nothing was built for this table, or there is no such variant.
     FilterError
         If a filter names no column, or its values are of another type than the column.
     """
@@ -136,19 +161,35 @@ def _wanted_values(wanted: Any, field: pa.Field[Any], table: str) -> pa.Array[An
     """Return the values of a filter in the type of its column."""
     import pyarrow as pa
 
-    if hasattr(wanted, "tolist"):
-        wanted = wanted.tolist()  # numpy and pandas
+    where = f"{table}.{field.name}"
+    if not (
+        pa.types.is_primitive(field.type) or pa.types.is_string(field.type) or pa.types.is_large_string(field.type)
+    ):
+        raise FilterError("a column that is no filter", where=where, expected="text or a number", found=field.type)
+    if as_list := getattr(wanted, "tolist", None) or getattr(wanted, "to_pylist", None):
+        wanted = as_list()  # numpy and pandas, Arrow
     is_one = isinstance(wanted, str | bytes) or not isinstance(wanted, Iterable)
     values = [wanted] if is_one else list(wanted)
     try:
-        array: pa.Array[Any] = pa.array(values, field.type)
-    except (pa.ArrowInvalid, pa.ArrowTypeError, pa.ArrowNotImplementedError, OverflowError) as error:
-        where = f"{table}.{field.name}"
-        raise FilterError("values of another type", where=where, expected=field.type, found=repr(wanted)) from error
+        array: pa.Array[Any] = pa.array(values, field.type, from_pandas=True)
+    except (pa.ArrowException, OverflowError) as error:
+        found = reprlib.repr(wanted if is_one else values)
+        raise FilterError("values of another type", where=where, expected=field.type, found=found) from error
+    # Arrow makes whole numbers of fractions, and numbers of flags, without a word
+    if odd := [value for value in values if _is_changed(value, field.type)]:
+        raise FilterError("values of another type", where=where, expected=field.type, found=reprlib.repr(odd))
     return array
 
 
-def result_params(table: str, recording: str, *, folder: Path | None = None) -> dict[str, Any]:
+def _is_changed(value: object, wanted: pa.DataType) -> bool:
+    import pyarrow as pa
+
+    if isinstance(value, bool | bytes):
+        return not pa.types.is_boolean(wanted)
+    return isinstance(value, float) and pa.types.is_integer(wanted) and value == value and not value.is_integer()  # noqa: PLR0124 - NaN
+
+
+def result_params(table: str, recording: str, *, folder: Path | None = None, variant: str = "") -> dict[str, Any]:
     """Return the parameters that a recording's result was made with, defaults filled in.
 
     Raises
@@ -158,7 +199,7 @@ def result_params(table: str, recording: str, *, folder: Path | None = None) -> 
     """
     from garment_dataset.engine.artifacts import read_provenance
 
-    root = _features_folder(folder) / table
+    root = variant_folder(_features_folder(folder), variant) / table
     if (path := next(root.glob(f"**/{recording}.parquet"), None)) is None:
         raise StoreError(f"no {table!r} of {recording}", where=root, hint="`garment build` makes it.")
     params: dict[str, Any] = read_provenance(path)["facts"]["params"]

@@ -2,14 +2,23 @@
 
 from __future__ import annotations
 
+import warnings
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from garment_dataset.errors import StoreError
-from garment_dataset.features.reading import load_features, tables_in, variant_folder
+from garment_dataset.errors import DataWarning, StoreError, TableError
+from garment_dataset.features.reading import (
+    load_features,
+    result_files,
+    table_description,
+    tables_in,
+    variant_folder,
+    variants_of,
+)
+from garment_dataset.layout import Layout, is_workspace
 from garment_dataset.score.points import PointErrors, join_errors, point_errors, score_errors
 from garment_dataset.score.silhouettes import SilhouetteErrors, score_silhouettes, silhouette_errors
-from garment_dataset.score.tables import score_table
+from garment_dataset.score.tables import column_errors, join_columns, score_column
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -19,7 +28,7 @@ if TYPE_CHECKING:
 
     from garment_dataset.score.points import Line, PointScore
     from garment_dataset.score.silhouettes import SilhouetteScore
-    from garment_dataset.score.tables import ColumnScore
+    from garment_dataset.score.tables import ColumnErrors, ColumnScore
 
 POOLED = "all"
 LINES: tuple[Line, ...] = ("surface", "material")
@@ -52,7 +61,14 @@ def score(features: Path, truth: Path, variant: str = "") -> Scores:
     Raises
     ------
     StoreError
-        If there is no truth, or no features of any recording with truth.
+        If there is no truth, no such variant, or no features of any recording with truth.
+    WorkspaceError
+        If the first folder holds no features.
+
+    Warns
+    -----
+    DataWarning
+        For each table of truth that cannot be compared.
     """
     folders = {path.name.removesuffix(_SUFFIX): path for path in sorted(truth.rglob(f"*{_SUFFIX}")) if path.is_dir()}
     if not folders:
@@ -71,9 +87,7 @@ def score(features: Path, truth: Path, variant: str = "") -> Scores:
 
 def features_folder(path: Path) -> Path:
     """Return the features folder of a workspace, or the folder itself when it is one."""
-    from garment_dataset.layout import Layout
-
-    if (path / "points").is_dir() or (path / "silhouettes").is_dir():
+    if not is_workspace(path) and (tables_in(path) or variants_of(path)):
         return path
     return Layout.find(path).features_dir
 
@@ -111,21 +125,38 @@ def _silhouette_scores(features: Path, truth: Mapping[str, Path]) -> list[Silhou
 
 def _table_scores(features: Path, truth: Mapping[str, Path]) -> list[ColumnScore]:
     """Score the tables of other stages of which there is truth."""
-    import pandas as pd
-
     rows: list[ColumnScore] = []
     for table in tables_in(features):
         known = {name: path for name, folder in truth.items() if (path := folder / f"{table}.parquet").is_file()}
         if table in _SCORED or not known:
             continue
+        by_column: dict[str, list[ColumnErrors]] = {}
+        described = table_description(features, table)
         for name, own in _tables(features, table, known).items():
-            rows += score_table(name, table, own, pd.read_parquet(known[name]))
+            try:
+                errors = column_errors(own, _read_truth(known[name]), described)
+            except TableError as error:
+                warnings.warn(f"not scored: {known[name]}: {error}", DataWarning, stacklevel=2)
+                continue
+            rows += [score_column(one, name, table) for one in errors]
+            for one in errors:
+                by_column.setdefault(one.column, []).append(one)
+        rows += [score_column(join_columns(parts), POOLED, table) for parts in by_column.values() if len(parts) > 1]
     return rows
 
 
+def _read_truth(path: Path) -> pd.DataFrame:
+    import pandas as pd
+
+    try:
+        return pd.read_parquet(path)
+    except (OSError, ValueError) as error:
+        raise TableError("cannot be read as Parquet", found=error) from error
+
+
 def _tables(features: Path, table: str, truth: Mapping[str, Path]) -> dict[str, pd.DataFrame]:
-    """Return a table by recording, of those with truth; nothing when it was not built."""
-    if not (features / table).is_dir():
+    """Return a table by recording, of those with truth; nothing when it was not built, or is of groups."""
+    if not truth or not any(path.stem in truth for path in result_files(features, table)):
         return {}
     rows = load_features(table, folder=features, recording=list(truth))
     return {str(name): own for name, own in rows.groupby("recording", sort=True)}

@@ -19,7 +19,8 @@ if TYPE_CHECKING:
     from tests.cli.conftest import Garment
     from tests.conftest import MakeRecording
 
-TABLES = {"frames", "camera", "gripper", "joints", "chains", "points", "kinematics"}
+DECODED = {"frames", "camera", "gripper", "joints", "world"}
+TABLES = DECODED | {"chains", "points", "kinematics"}
 
 
 def feature_bytes(workspace: Workspace) -> dict[str, bytes]:
@@ -51,7 +52,7 @@ def test_the_bytes_do_not_depend_on_the_workers(workspace: Workspace, garment: G
 
 def test_filters_and_stages_choose_what_is_built(workspace: Workspace, garment: Garment) -> None:
     garment("build", "garment=MyScarf", "--stage", "decode", cwd=workspace.root)
-    assert {path.name for path in workspace.features_dir.iterdir()} == {"frames", "camera", "gripper", "joints"}
+    assert {path.name for path in workspace.features_dir.iterdir()} == DECODED
     assert {path.stem for path in workspace.features_dir.rglob("*.parquet")} == {"MyScarf_Corner_pi16_0.5_R1"}
     assert "no recording matches" in garment("build", "garment=Nobody", code=2, cwd=workspace.root).err
     assert "no stage 'decoed'" in garment("build", "-s", "decoed", code=2, cwd=workspace.root).err

@@ -81,5 +81,5 @@ def test_a_colour_frame_is_drawn(color_workspace: Workspace, garment: Garment, f
     garment("show", OTHER, "--frame", str(frame), "--save", str(picture), cwd=color_workspace.root)
     image = cv2.imread(str(picture))
     assert image is not None
-    red = (image[..., 2] > 200) & (image[..., 1] < 60) & (image[..., 0] < 60)
-    assert (red.sum() > 50) == (frame == 5), "the central curve is red"
+    yellow = (image[..., 2] > 200) & (image[..., 1] > 200) & (image[..., 0] < 100)
+    assert (yellow.sum() > 50) == (frame == 5), "the outline is yellow"

@@ -90,3 +90,13 @@ def test_what_failed_is_shown_with_the_recording(judged: Workspace, make_recordi
     assert "failed: " in run(judged, "show", GOOD)[0]
     (judged.recordings_dir / f"{GOOD}.bag").write_bytes(b"#ROSBAG V2.0\n")
     assert "cannot be read: " in run(judged, "show", GOOD)[0]
+
+
+def test_bags_that_are_skipped_are_named(judged: Workspace) -> None:
+    path = judged.recordings_dir / f"{TORN}.bag"
+    path.rename(path.with_suffix(".BAG"))
+    (judged.recordings_dir / f"{BLIND}.bag.active").touch()
+    for verb in (("build", "-j", "0"), ("build",), ("status",)):
+        err = run(judged, *verb)[1]
+        assert f"left out: {TORN}.BAG: not a recording name" in err
+        assert f"left out: {BLIND}.bag.active: not finished" in err
