@@ -103,13 +103,18 @@ class CodeCache:
 
     def is_as_read(self, stage: Stage) -> bool:
         """Say whether the files that a stage's fingerprint rests on are still those it was computed from."""
-        entry = self._remembered[_name(stage)]
-        return all(file_state(Path(path)) == (size, mtime) for path, size, mtime in entry["files"])
+        return not self._is_outdated(self._remembered[_name(stage)])
+
+    def _is_outdated(self, entry: Mapping[str, Any]) -> bool:
+        """Say whether a file has changed, or what was a library has become first-party code."""
+        if not self._roots.keys().isdisjoint(entry["libraries"]):
+            return True
+        return any(file_state(Path(path)) != (size, mtime) for path, size, mtime in entry["files"])
 
     def _entry(self, stage: Stage) -> dict[str, Any]:
         name = _name(stage)
         entry: dict[str, Any] | None = self._remembered.get(name)
-        if entry is None or any(file_state(Path(path)) != (size, mtime) for path, size, mtime in entry["files"]):
+        if entry is None or self._is_outdated(entry):
             from garment_dataset.engine.codebase.fingerprint import CodeBase
 
             if self._code_base is None:

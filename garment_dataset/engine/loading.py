@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 import importlib
+import os
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
     from types import ModuleType
 
 
-HOMES: set[str] = set()
-"""The folders that modules were imported from; at any time one of them is on Python's path."""
+_TESTS = ("test_", "conftest")
+
+HOMES: dict[str, dict[str, tuple[int, int]]] = {}
+"""The folders that modules were imported from, and the state of their files then; one at a time is on Python's path."""
 
 
 def load_module(name: str, home: Path | None) -> ModuleType:
@@ -23,19 +27,22 @@ def load_module(name: str, home: Path | None) -> ModuleType:
     name : str
         Dotted name.
     home : Path or None
-        Folder that holds it, where it is not installed. Modules of the same names from other such folders, which a
-        long-lived process may have loaded before, are forgotten.
+        Folder that holds it, where it is not installed. What a long-lived process has loaded from this and other such
+        folders is forgotten when the folder is another one than before, or a file in it was edited since.
     """
-    if home is not None:
-        for other in modules_of(home):
-            loaded = sys.modules.get(other)
-            if loaded is not None and not _lies_in(loaded, home):
-                _forget(other)
-        if str(home) not in sys.path:
-            sys.path[:] = [path for path in sys.path if path not in HOMES] + [str(home)]
-            importlib.invalidate_caches()
-        HOMES.add(str(home))
-    return importlib.import_module(name)
+    if home is None:
+        return importlib.import_module(name)
+    state = _state_of(home)
+    if str(home) not in sys.path or HOMES.get(str(home)) != state:
+        _forget((*HOMES, str(home)))
+        sys.path[:] = [path for path in sys.path if path not in HOMES and path != str(home)] + [str(home)]
+        importlib.invalidate_caches()
+        HOMES[str(home)] = state
+    written, sys.dont_write_bytecode = sys.dont_write_bytecode, True  # it is out of date only after a second
+    try:
+        return importlib.import_module(name)
+    finally:
+        sys.dont_write_bytecode = written
 
 
 def load_stage(module: str, home: Path | None) -> Any:  # noqa: ANN401 - what a module calls STAGE
@@ -47,15 +54,24 @@ def modules_of(home: Path) -> dict[str, Path]:
     """Return the modules and packages of a folder by name, tests left out."""
     if not home.is_dir():
         return {}
-    files = {path.stem: path for path in sorted(home.glob("*.py")) if not path.name.startswith(("test_", "conftest"))}
+    names = {path.stem: path for path in sorted(home.glob("*.py")) if not path.name.startswith(_TESTS)}
+    files = {name: path for name, path in names.items() if name.isidentifier()}  # not what editors leave: .#lengths.py
     return files | {path.parent.name: path.parent for path in sorted(home.glob("*/__init__.py"))}
 
 
-def _lies_in(module: ModuleType, home: Path) -> bool:
-    file = getattr(module, "__file__", None)
-    return file is not None and Path(file).resolve().is_relative_to(home.resolve())
+def _state_of(home: Path) -> dict[str, tuple[int, int]]:
+    """Return size and time of every file that a module of a folder may be made of."""
+    places = modules_of(home).values()
+    files = (file for place in places for file in (place.rglob("*.py") if place.is_dir() else (place,)))
+    return {str(file): (stat.st_size, stat.st_mtime_ns) for file in files for stat in (file.stat(),)}
 
 
-def _forget(name: str) -> None:
-    for loaded in [each for each in sys.modules if each == name or each.startswith(f"{name}.")]:
-        del sys.modules[loaded]
+def _forget(homes: Iterable[str]) -> None:
+    """Have Python read the modules of some folders anew; tests, which nothing here imports, stay."""
+    folders = tuple(f"{place}{os.sep}" for home in homes for place in (home, Path(home).resolve()))
+    for name, module in list(sys.modules.items()):
+        file = getattr(module, "__file__", None)
+        # a folder without __init__.py has no file
+        places = (file,) if file else getattr(module, "__path__", ())
+        if not name.startswith(_TESTS) and any(place.startswith(folders) for place in places):
+            del sys.modules[name]

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pydantic import Field
+
 from garment_dataset.engine.table import Column, TableSpec
 from garment_dataset.errors import DataWarning
 from garment_dataset.stages.columns import FRAME, RECORD_STAMP, STAMP
@@ -15,11 +17,21 @@ __all__ = [
     "STAMP",
     "Column",
     "DataWarning",
+    "Field",
     "Group",
     "Stage",
     "StageParams",
     "TableSpec",
 ]
 
-STAGES = ("decode", "depth_points", "kinematics", "background", "silhouette", "central_curve", "quality")
+STAGES = (
+    "decode",
+    "depth_points",
+    "kinematics",
+    "motion",
+    "background",
+    "silhouette",
+    "central_curve",
+    "quality",
+)
 """The stages that the package brings: each is ``STAGE`` in the module of its name here."""

@@ -11,6 +11,7 @@ from garment_dataset.engine.graph import Graph, Node, NodeId
 from garment_dataset.engine.table import Label
 from garment_dataset.errors import PipelineError, StageError
 from garment_dataset.stages import Group, Stage
+from garment_dataset.stages.stage import ABOUT
 from garment_dataset.workspace.groups import groups_of
 
 if TYPE_CHECKING:
@@ -97,7 +98,7 @@ class _Drawing:
         """Add a stage of a recording, with what feeds it; what its camera position shares is added once for all."""
         if stage.per == "position":
             return self._add_position(stage, self._catalog.background(row.topics_file), pipeline)
-        bag = _Bag(row.recording, row.path, row.topics_file, row.labels, row.partition)
+        bag = _Bag(row.recording, row.path, row.topics_file, _values(row), row.partition)
         return self._add_bag(stage, bag, pipeline)
 
     def add_group(self, stage: Stage, group: RecordingGroup, pipeline: Pipeline, *, is_whole: bool) -> None:
@@ -157,7 +158,8 @@ class _Drawing:
         if self._is_drawn(node_id, pipeline):
             return node_id
         topics_file = source.topics_file if source.row is None else source.row.topics_file
-        bag = _Bag(source.source, source.path, topics_file, source.labels, source.partition)
+        labels = source.labels if source.row is None else _values(source.row)
+        bag = _Bag(source.source, source.path, topics_file, labels, source.partition)
         inputs = {} if source.path is None else self._add_feeders(stage, bag, source, pipeline)
         return self._put(
             Node(
@@ -190,10 +192,14 @@ class _Drawing:
     def _put(self, node: Node, pipeline: Pipeline) -> NodeId:
         """Keep a node, unless it is there already; refuse one that contradicts what is there."""
         known = self.nodes.setdefault(node.id, node)
-        what = "parameters" if (known.params, known.inputs) != (node.params, node.inputs) else "recordings"
-        if what == "parameters" or known.gathers != node.gathers:
+        sides = {
+            "parameters": (known.params, node.params),
+            "inputs": (known.inputs, node.inputs),
+            "recordings": (known.gathers, node.gathers),
+        }
+        if differing := [what for what, (old, new) in sides.items() if old != new]:
             raise PipelineError(
-                f"two pipelines ask for stage {node.id.stage!r} of {node.subject} with different {what}",
+                f"two pipelines ask for stage {node.id.stage!r} of {node.subject} with different {differing[0]}",
                 where=pipeline.name,
                 hint="Let their `recordings` exclude each other, give both the same, or one a `variant`.",
             )
@@ -218,7 +224,8 @@ def _params_of_position(stage: Stage, source: BackgroundSource, pipeline: Pipeli
     interval = {"from_s": source.from_s, "to_s": source.to_s}
     given = {name: value for name, value in interval.items() if value is not None}
     known = {name: value for name, value in given.items() if name in stage.params.model_fields}
-    of_bags = [name for name in stage.arguments if name in stage.sources or pipeline.makers[name].per == "recording"]
+    of_recordings = {table for table, maker in pipeline.makers.items() if maker.per == "recording"}
+    of_bags = [name for name in stage.arguments if name in stage.sources | of_recordings]
     if known != given and of_bags:
         raise StageError(
             f"the empty scene of topics file {source.topics_file} is an interval of {source.source}",
@@ -243,8 +250,17 @@ class _Bag:
         return {name: self.path for name in stage.arguments if name in stage.sources and self.path is not None}
 
 
+def _values(row: CatalogRow) -> LabelValues:
+    """Return what a row says for any stage's identity columns."""
+    return {**row.labels, **{name: getattr(row, name) for name in ABOUT}}
+
+
 def _labels(stage: Stage, values: LabelValues) -> tuple[Label, ...]:
-    return tuple(Label(column, values[column.name]) for column in stage.identity)
+    """Return the labels of a result; an empty scene has nothing to say about a garment."""
+    return tuple(
+        Label(column, values.get(column.name) if column.name in ABOUT else values[column.name])
+        for column in stage.identity
+    )
 
 
 def _path(partition: Mapping[str, str]) -> str:

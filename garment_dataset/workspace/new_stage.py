@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from garment_dataset.workspace.stage_forms import Covering
 
 _NAME = re.compile(r"(?!test|conftest)[a-z][a-z0-9_]*")
-_WORDS = frozenset({"bag", "params", "np", "pa", "pc", "stage", "frame", "stamp", "record_stamp", "repeats"})
+_WORDS = frozenset({"bag", "notes", "params", "np", "pa", "pc", "stage", "frame", "stamp", "record_stamp", "repeats"})
 """Words that mean something else in the file of a stage."""
 
 

@@ -187,14 +187,12 @@ def _refuse_misfits(path: Path, stages: tuple[Stage, ...], known: KnownStages) -
             if isinstance(stage.per, Group) and feeder.per == "position":
                 raise StageError(f"table {table!r} is of camera positions", where=stage.name, found="a stage of groups")
     producers(stages)
+    feeders = {stage.name: {made[table].name for table in stage.inputs if table in made} for stage in stages}
     try:
-        graphlib.TopologicalSorter(
-            {each.name: {made[table].name for table in each.inputs if table in made} for each in stages}
-        ).prepare()
+        graphlib.TopologicalSorter(feeders).prepare()
     except graphlib.CycleError as error:
-        raise PipelineError(
-            "stages feed each other in a circle", where=path, found=" -> ".join(error.args[1])
-        ) from error
+        circle = " -> ".join(error.args[1])
+        raise PipelineError("stages feed each other in a circle", where=path, found=circle) from error
 
 
 def _params(stage: Stage, given: Mapping[str, Any], path: Path) -> StageParams:
