@@ -87,19 +87,28 @@ def compile_filter(terms: Iterable[str], keys: Keys) -> Predicate:
 def terms_of(filters: Mapping[str, object]) -> tuple[str, ...]:
     """Write keyword filters as terms: ``garment="GreenTowel", repeat=[1, 2]`` is ``garment=GreenTowel repeat=1,2``.
 
-    None asks for a missing value.
+    None asks for a missing value, and an empty list for nothing at all.
     """
-    return tuple(f"{key}={_written(value)}" for key, value in filters.items())
+    terms: list[str] = []
+    for key, value in filters.items():
+        values = _written(value)
+        # there is no term for nothing, but nothing is both missing and not missing; a name is never missing
+        some = "*" if key == NAME_KEY else ""
+        terms += [f"{key}={','.join(values)}"] if values else [f"{key}={some}", f"{key}!={some}"]
+    return tuple(terms)
 
 
-def _written(value: object) -> str:
+def _written(value: object) -> list[str]:
+    """Return the values of a keyword filter as they stand in a term."""
     if (as_list := getattr(value, "tolist", None)) is not None:
         value = as_list()  # numpy and pandas
-    if isinstance(value, Sequence | set | frozenset) and not isinstance(value, str | bytes):
-        return ",".join(sorted(map(_written, value)))
+    if isinstance(value, Iterable) and not isinstance(value, str | bytes):
+        return sorted(text for item in value for text in _written(item))
     if isinstance(value, bool):
-        return "yes" if value else "no"
-    return "" if value is None else str(value)
+        return ["yes" if value else "no"]
+    if isinstance(value, str):
+        return [value]
+    return ["" if value is None or str(value) in {"nan", "<NA>"} else str(value)]  # as numpy and pandas say missing
 
 
 def _split(term: str, keys: Keys) -> tuple[str, str, list[str]]:

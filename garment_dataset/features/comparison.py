@@ -225,13 +225,13 @@ class _Tally:
 
     def _add_sizes(self, size: FloatArray) -> None:
         self.values += size.size
-        self.squares += float(np.sum(size**2))
+        self.squares += math.fsum(size**2)  # in whatever order the rows come
         self.largest = max(self.largest, float(size.max(initial=0.0)))
 
     def _add_stated(self, size: FloatArray, variance: FloatArray) -> None:
         stated = variance > 0
         self.stated += int(stated.sum())
-        self.squares_in_std += float(np.sum(size[stated] ** 2 / variance[stated]))
+        self.squares_in_std += math.fsum(size[stated] ** 2 / variance[stated])
 
     def difference(self, column: Column) -> ColumnDifference:
         """Return what the sums say."""

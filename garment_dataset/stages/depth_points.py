@@ -3,43 +3,46 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from pydantic import Field
 
 from garment_dataset.engine.table import Column, TableSpec
-from garment_dataset.errors import BagError, DataWarning
+from garment_dataset.errors import DataWarning
+from garment_dataset.stages.cameras import depth_reading
 from garment_dataset.stages.columns import FRAME, STAMP
-from garment_dataset.stages.inputs import known_grippers_m, usable_images, usable_stamps_ns
+from garment_dataset.stages.inputs import known_grippers_m, usable_stamps_ns
 from garment_dataset.stages.stage import Stage, StageParams
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Mapping
     from pathlib import Path
 
     import pyarrow as pa
-    from numpy.typing import NDArray
 
-    from garment_dataset.arrays import DepthImage
-    from garment_dataset.bags import Bag
-    from garment_dataset.vision.depth.cloud import Intrinsics
-    from garment_dataset.vision.depth.trace import Trace, TrackSettings, WindowSettings
+    from garment_dataset.vision.depth.settings import TrackSettings, WindowSettings
+    from garment_dataset.vision.depth.trace import Trace
 
 
 CHAINS = TableSpec(
     "chains",
-    1,
+    2,
     "one sample of one depth frame, from the gripper down",
     (
         FRAME,
         STAMP,
-        Column("sample", "int32", "1", "number of the sample, from 0 at the gripper"),
-        Column("x_m", "float64", "m", "mean of the window, depth optical frame, right"),
-        Column("y_m", "float64", "m", "middle of the window, depth optical frame, down"),
-        Column("z_m", "float64", "m", "mean of the window, depth optical frame, forward"),
+        Column(
+            "sample",
+            "int32",
+            "1",
+            "number of the sample, from 0 at the gripper; missing where neither pixels nor a bridge carry it",
+        ),
+        Column("x_m", "float64", "m", "depth optical frame, right"),
+        Column("y_m", "float64", "m", "depth optical frame, down"),
+        Column("z_m", "float64", "m", "depth optical frame, forward"),
         Column("arc_length_m", "float64", "m", "along the chain, from the gripper's end point"),
         Column("pixels", "int32", "1", "number of pixels in the window; 0 where a gap was bridged"),
+        Column("bridged_m", "float64", "m", "length of the bridge it lies on; 0 where pixels carry it"),
         Column("z_spread_m", "float64", "m", "standard deviation of z in the window", nullable=True),
     ),
     keys=("frame", "sample"),
@@ -47,7 +50,7 @@ CHAINS = TableSpec(
 
 POINTS = TableSpec(
     "points",
-    2,
+    3,
     "one point of one depth frame",
     (
         FRAME,
@@ -70,8 +73,22 @@ POINTS = TableSpec(
             for axis, side in (("x", "right"), ("y", "down"), ("z", "forward"))
         ),
         Column("arc_length_m", "float64", "m", "along the garment, from the gripper's end point", nullable=True),
-        Column("garment_length_m", "float64", "m", "length of the garment the points divide", nullable=True),
+        Column(
+            "garment_length_m",
+            "float64",
+            "m",
+            "length of the garment, which the points divide; null when its hem is not seen: they divide what is",
+            nullable=True,
+        ),
+        Column("length_reason", "string", "", "why there are points, but no length; null otherwise", nullable=True),
         Column("pixels", "int32", "1", "number of pixels the point rests on"),
+        Column(
+            "bridged_m",
+            "float64",
+            "m",
+            "length of the bridge the point lies on, between two pieces of one surface; 0 where pixels carry it",
+            nullable=True,
+        ),
         Column("reason", "string", "", "why there is no point; null when there is one", nullable=True),
     ),
     keys=("frame", "point"),
@@ -106,7 +123,7 @@ class DepthPointsParams(StageParams):
     max_gap_m: float = Field(
         default=0.03,
         ge=0,
-        description="thesis: empty samples that are bridged: a quarter of the 0.128 m between the points of the towel; "
+        description="thesis: empty samples that are crossed: a quarter of the 0.128 m between the points of the towel; "
         "where the cloth has a radius of curvature of 0.1 m, its length loses 0.1 mm",
     )
     min_pixels: int = Field(
@@ -131,12 +148,25 @@ class DepthPointsParams(StageParams):
     jump_m: float = Field(
         default=0.012,
         gt=0,
-        description="profile: neighbouring depths that differ by more are two surfaces: 3 to 4 levels of the sensor",
+        description="neighbouring depths that differ by more are two surfaces: 3 to 4 levels of the sensor",
     )
     profile_max_gap_m: float = Field(
-        default=0.3,
+        default=0.15,
         ge=0,
-        description="profile: longest stretch without pixels that is bridged; along the edge of a fold they miss",
+        description="profile: longest stretch without pixels that the chain crosses, straight: along the edge of a "
+        "fold they miss, over 0.15 m at most in simulated recordings. Points lie on it only where it is bridged",
+    )
+    longest_bridge_m: float = Field(
+        default=0.06,
+        ge=0,
+        description="profile: longest stretch without pixels, between two pieces of one surface, on which points may "
+        "lie; in simulated recordings longer ones are between layers",
+    )
+    hold_reach_m: float = Field(
+        default=0.1,
+        gt=0,
+        description="the first cloth is no farther from the gripper's end point, in space, or it is not held: 93 mm at "
+        "most in simulated recordings, of a garment held at a random point; 27 mm by corner, collar and ruler",
     )
     flat_field_frames: int = Field(
         default=8, ge=1, description="profile: images from which the fixed errors of the columns are measured"
@@ -150,7 +180,7 @@ class DepthPointsParams(StageParams):
 
     def window_settings(self) -> WindowSettings:
         """Return the knobs of the thesis' method."""
-        from garment_dataset.vision.depth.trace import WindowSettings
+        from garment_dataset.vision.depth.settings import WindowSettings
 
         return WindowSettings(
             point_count=self.point_count,
@@ -160,23 +190,27 @@ class DepthPointsParams(StageParams):
             window_half_height_m=self.window_half_height_m,
             max_gap_m=self.max_gap_m,
             min_pixels=self.min_pixels,
+            jump_m=self.jump_m,
+            hold_reach_m=self.hold_reach_m,
         )
 
     def track_settings(self) -> TrackSettings:
         """Return the knobs of the method ``profile``."""
         from garment_dataset.vision.depth.profile import ProfileSettings
-        from garment_dataset.vision.depth.trace import TrackSettings
+        from garment_dataset.vision.depth.settings import TrackSettings
 
         profile = ProfileSettings(
             band_half_width_m=self.band_half_width_m,
             clearance_m=self.clearance_m,
             jump_m=self.jump_m,
             max_gap_m=self.profile_max_gap_m,
+            hold_reach_m=self.hold_reach_m,
             windows_px=self.windows_px,
         )
         return TrackSettings(
             point_count=self.point_count,
             profile=profile,
+            longest_bridge_m=self.longest_bridge_m,
             sample_step_m=self.sample_step_m,
             shortest_m=2 * self.point_count * self.window_half_height_m,
             smoothing_frames=self.smoothing_frames,
@@ -214,18 +248,20 @@ def depth_points(
     Warns
     -----
     DataWarning
-        If chains end at a gap too long to bridge, with more of the garment or something else below it.
+        If chains end at a gap too long to cross, with more of the garment or something else below it.
     """
     from garment_dataset.bags import open_bag
+    from garment_dataset.stages.depth_columns import chain_columns, point_columns
+    from garment_dataset.stages.depth_images import DepthImages, depth_camera
     from garment_dataset.vision.depth.trace import Trace, trace_profiles, trace_windows
 
     stamps_ns = usable_stamps_ns(frames, "depth")
     traces: dict[int, Trace] = {}
     if stamps_ns:
-        shape, intrinsics = _depth_camera(bag, camera)
+        shape, intrinsics = depth_camera(bag, camera)
         grippers_m = known_grippers_m(gripper, "depth")
         with open_bag(bag) as opened:
-            images = _Images(opened, frames, shape)
+            images = DepthImages(opened, frames, shape, depth_reading(camera))
             if params.method == "thesis":
                 windows = params.window_settings()
                 for frame, depth_mm in images:
@@ -237,32 +273,10 @@ def depth_points(
             else:
                 traces = trace_profiles(images, stamps_ns, intrinsics, grippers_m, params.track_settings())
     _warn_of_gaps(bag.name, traces)
-    return {"chains": _chains(stamps_ns, traces), "points": _points(stamps_ns, traces, params.point_count)}
-
-
-@dataclass(frozen=True, slots=True)
-class _Images:
-    """The usable depth images of a bag, by index; None for one of another size. Read anew in every loop."""
-
-    bag: Bag
-    frames: pa.Table
-    shape: tuple[int, int]
-
-    def __iter__(self) -> Iterator[tuple[int, DepthImage | None]]:
-        for image in usable_images(self.bag, self.frames, "depth"):
-            depth_mm = image.pixels()
-            yield image.index, depth_mm if depth_mm.shape == self.shape else None
-
-
-def _depth_camera(bag: Path, camera: pa.Table) -> tuple[tuple[int, int], Intrinsics]:
-    """Return the shape that images must have, and their K."""
-    from garment_dataset.vision.depth.cloud import Intrinsics
-
-    for row in camera.to_pylist():
-        if row["stream"] == "depth":
-            intrinsics = Intrinsics(row["fx_px"], row["fy_px"], row["cx_px"], row["cy_px"])
-            return (row["height_px"], row["width_px"]), intrinsics
-    raise BagError("no camera for the depth images", where=bag.name)
+    return {
+        "chains": CHAINS.table(chain_columns(stamps_ns, traces)),
+        "points": POINTS.table(point_columns(stamps_ns, traces, params.point_count)),
+    }
 
 
 def _warn_of_gaps(where: str, traces: Mapping[int, Trace]) -> None:
@@ -271,62 +285,6 @@ def _warn_of_gaps(where: str, traces: Mapping[int, Trace]) -> None:
             f"{where}: in {len(ended)} of {len(traces)} depth frames the chain ends at a gap, first in frame {ended[0]}"
         )
         warnings.warn(f"{text}; what is below is left out", DataWarning, stacklevel=3)
-
-
-def _chains(stamps_ns: Mapping[int, int], traces: Mapping[int, Trace]) -> pa.Table:
-    import numpy as np
-
-    found = [(frame, trace.chain) for frame, trace in traces.items() if trace.chain is not None]
-    sizes = [chain.pixels.size for _, chain in found]
-
-    def joined(arrays: Iterator[NDArray[Any]], empty: NDArray[Any]) -> NDArray[Any]:
-        return np.concatenate([empty, *arrays], axis=-1)
-
-    none, nobody = np.empty(0), np.empty(0, np.int64)
-    position_m = joined((chain.position_m for _, chain in found), np.empty((3, 0)))
-    return CHAINS.table(
-        {
-            "frame": np.repeat([frame for frame, _ in found], sizes),
-            "stamp_ns": np.repeat(np.array([stamps_ns[frame] for frame, _ in found], np.int64), sizes),
-            "sample": joined((np.arange(size) for size in sizes), nobody),
-            "x_m": position_m[0],
-            "y_m": position_m[1],
-            "z_m": position_m[2],
-            "arc_length_m": joined((chain.arc_length_m for _, chain in found), none),
-            "pixels": joined((chain.pixels for _, chain in found), nobody),
-            "z_spread_m": joined((chain.z_spread_m for _, chain in found), none),
-        }
-    )
-
-
-def _points(stamps_ns: Mapping[int, int], traces: Mapping[int, Trace], point_count: int) -> pa.Table:
-    import numpy as np
-
-    position_m, std_m, material_m = np.full((3, 3, len(traces), point_count), np.nan)
-    arc_length_m, garment_length_m = np.full((2, len(traces), point_count), np.nan)
-    pixels = np.zeros((len(traces), point_count), np.int64)
-    for row, trace in enumerate(traces.values()):
-        if trace.chain is not None and trace.points is not None:
-            position_m[:, row], std_m[:, row] = trace.points.position_m, trace.points.std_m
-            arc_length_m[row], garment_length_m[row] = trace.points.arc_length_m, trace.chain.length_m
-            pixels[row] = trace.points.pixels
-        if trace.material_m is not None:
-            material_m[:, row] = trace.material_m
-    axes = {f"{axis}_m": values.ravel() for axis, values in zip("xyz", position_m, strict=True)}
-    axes |= {f"{axis}_std_m": values.ravel() for axis, values in zip("xyz", std_m, strict=True)}
-    axes |= {f"material_{axis}_m": values.ravel() for axis, values in zip("xyz", material_m, strict=True)}
-    return POINTS.table(
-        {
-            "frame": np.repeat(np.array(list(traces), np.int64), point_count),
-            "stamp_ns": np.repeat(np.array([stamps_ns[frame] for frame in traces], np.int64), point_count),
-            "point": np.tile(np.arange(1, point_count + 1), len(traces)),
-            **axes,
-            "arc_length_m": arc_length_m.ravel(),
-            "garment_length_m": garment_length_m.ravel(),
-            "pixels": pixels.ravel(),
-            "reason": [trace.reason for trace in traces.values() for _ in range(point_count)],
-        }
-    )
 
 
 STAGE = Stage(depth_points, params=DepthPointsParams, outputs=(CHAINS, POINTS))

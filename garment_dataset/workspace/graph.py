@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from garment_dataset.catalog.filters import compile_filter
@@ -176,13 +176,21 @@ class _Drawing:
         )
 
     def _add_feeders(self, stage: Stage, bag: _Bag, source: BackgroundSource, pipeline: Pipeline) -> dict[str, NodeId]:
-        """Add what feeds a stage of a bag, or of a camera position, and return it by table."""
-        return {
+        """Add what feeds a stage of a bag, or of a camera position, and return it by table.
+
+        A table that it can do without, and that cannot be had, is left out.
+        """
+        feeders = {
             table: self._add_position(maker, source, pipeline)
             if (maker := pipeline.makers[table]).per == "position"
             else self._add_bag(maker, bag, pipeline)
             for table in stage.inputs
             if table in pipeline.makers
+        }
+        return {
+            table: feeder
+            for table, feeder in feeders.items()
+            if table not in stage.optional or self.nodes[feeder].blocked is None
         }
 
     def _obstacle(self, inputs: Mapping[str, NodeId]) -> str | None:
@@ -192,9 +200,10 @@ class _Drawing:
     def _put(self, node: Node, pipeline: Pipeline) -> NodeId:
         """Keep a node, unless it is there already; refuse one that contradicts what is there."""
         known = self.nodes.setdefault(node.id, node)
+        shared = {*known.inputs, *node.inputs} - ({*known.inputs} ^ {*node.inputs}) & node.stage.optional
         sides = {
             "parameters": (known.params, node.params),
-            "inputs": (known.inputs, node.inputs),
+            "inputs": tuple({table: each.inputs.get(table) for table in shared} for each in (known, node)),
             "recordings": (known.gathers, node.gathers),
         }
         if differing := [what for what, (old, new) in sides.items() if old != new]:
@@ -203,6 +212,8 @@ class _Drawing:
                 where=pipeline.name,
                 hint="Let their `recordings` exclude each other, give both the same, or one a `variant`.",
             )
+        if known.inputs != node.inputs:  # each pipeline has some of the tables that the stage can do without
+            self.nodes[node.id] = replace(known, inputs={**known.inputs, **node.inputs})
         for output in node.stage.outputs:
             other = self._tables.setdefault((output.name, node.subject, node.variant), node.id)
             if other != node.id:

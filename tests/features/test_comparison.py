@@ -100,9 +100,9 @@ def test_an_uncertainty_of_nothing_is_none() -> None:
 
 def test_stamps_are_subtracted_to_the_nanosecond() -> None:
     stamps = np.array([1_400_000_000_000_000_001, 1_400_000_000_000_000_003])
-    nullable = [pd.array(values, dtype="Int64") for values in ([stamps[0], None], [stamps[0] + 7, stamps[1]])]
+    some, all_of_them = (pd.array(values, dtype="Int64") for values in ([stamps[0], None], stamps + 7))
     assert one_column("int64", stamps, stamps - 2, "ns").largest == 2.0
-    found = one_column("int64", *nullable, unit="ns")
+    found = one_column("int64", some, all_of_them, "ns")
     assert (found.differing, found.only_b, found.largest) == (2, 1, 7.0)
 
 
@@ -189,8 +189,9 @@ def test_files_that_one_variant_has_alone_are_named(tmp_path: Path) -> None:
 
 
 values = st.one_of(st.none(), st.floats(-1e6, 1e6))
+words = st.sampled_from(["a", "b", None])
 rows = st.lists(
-    st.tuples(st.integers(0, 5), values, st.one_of(st.none(), st.floats(0, 1e3)), st.sampled_from(["a", "b", None])),
+    st.tuples(st.integers(0, 5), values, st.one_of(st.none(), st.just(0.0), st.floats(1e-6, 1e3)), words),
     max_size=8,
 )
 

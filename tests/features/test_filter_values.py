@@ -101,8 +101,9 @@ def test_values_of_another_type_are_refused_in_one_line(
 def test_lists_and_bytes_are_no_filters(color_workspace: Workspace) -> None:
     color_workspace.build(jobs=0)
     for table, column in (("background", "mean"), ("silhouettes", "mask")):
+        filters: dict[str, Any] = {column: None}
         with pytest.raises(FilterError, match=f"{table}.{column}: a column that is no filter: expected text or a num"):
-            load_features(table, folder=color_workspace.features_dir, **{column: None})
+            load_features(table, folder=color_workspace.features_dir, **filters)
 
 
 def test_what_a_query_found_is_a_filter(varied: Workspace) -> None:
@@ -134,7 +135,7 @@ def test_what_a_query_found_is_a_filter(varied: Workspace) -> None:
 def test_the_catalog_takes_the_same(filters: dict[str, Any], same: dict[str, Any]) -> None:
     catalog = Catalog.load()
     found, expected = catalog.query(**filters), catalog.query(**same)
-    assert 0 < len(expected)
+    assert len(expected) > 0
     pd.testing.assert_frame_equal(found, expected)
 
 

@@ -101,8 +101,10 @@ def test_all_variants_with_a_name_are_read_at_once(varied: Workspace) -> None:
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_every_table_of_a_variant_is_described(varied: Workspace, variant: str) -> None:
     folder = place(varied, variant)
-    assert tables_in(folder) == ["camera", "chains", "frames", "gripper", "joints", "kinematics", "points"]
-    for table in tables_in(folder):
+    tables = tables_in(folder)
+    assert {"frames", "points", "kinematics"} < set(tables)
+    assert tables == tables_in(varied.features_dir), "all have the same stages, and a variant is no table"
+    for table in tables:
         described = json.loads((folder / table / "_schema.json").read_text("utf-8"))
         assert described["table"] == table
 
@@ -139,7 +141,7 @@ def test_an_unknown_variant_is_refused_with_those_there_are(varied: Workspace, t
 
 @pytest.mark.parametrize("variant", VARIANTS)
 def test_an_unknown_table_is_refused_with_those_there_are(varied: Workspace, variant: str) -> None:
-    with pytest.raises(StoreError, match=r"no files of table 'pints': expected one of \['camera', [^=]*'points'\]"):
+    with pytest.raises(StoreError, match=r"no files of table 'pints': expected one of \['camera', [^=]*'points'[^=]*$"):
         load_features("pints", folder=varied.features_dir, variant=variant)
 
 

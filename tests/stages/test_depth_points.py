@@ -10,7 +10,8 @@ import pytest
 
 from garment_dataset.engine.table import Label
 from garment_dataset.errors import BagError, DataWarning
-from garment_dataset.stages.decode import CAMERA, FRAMES, GRIPPER
+from garment_dataset.stages.cameras import CAMERA
+from garment_dataset.stages.decode import FRAMES, GRIPPER
 from garment_dataset.stages.depth_points import CHAINS, POINTS, DepthPointsParams, depth_points
 from garment_dataset.stages.stage import IDENTITY
 from garment_dataset.vision.depth.cloud import Intrinsics
@@ -88,7 +89,7 @@ def frames_table(count: int, faulty: Sequence[int] = (), topic: str = TOPIC) -> 
 
 def camera_table(height_px: int = SHAPE[0], stream: str = "depth") -> pa.Table:
     size = {"frame_id": "camera", "width_px": SHAPE[1], "height_px": height_px}
-    row = {"stream": stream, **size, **K, "distortion_model": "plumb_bob", "distortion": [0.0] * 5}
+    row = {"stream": stream, **size, **K, "distortion_model": "plumb_bob", "distortion": [0.0] * 5, "matrix": "K"}
     return table_of(CAMERA, [{**row, "stream": "color", "fx_px": 1.0}, row])
 
 
@@ -147,7 +148,7 @@ def test_frames_that_cannot_be_used_have_rows_with_a_reason_or_none(write_bag: W
     assert reasons[[0, 7]].isna().all()
     material = [f"material_{axis}_m" for axis in "xyz"]
     assert points[material].isna().all(axis=None)
-    numbers = points.drop(columns=["frame", "stamp_ns", "point", "reason", "pixels", *material])
+    numbers = points.drop(columns=["frame", "stamp_ns", "point", "reason", "length_reason", "pixels", *material])
     assert numbers[points["reason"].notna()].isna().all(axis=None)
     assert numbers[points["reason"].isna()].notna().all(axis=None)
     assert (points.loc[points["reason"].notna(), "pixels"] == 0).all()
@@ -161,7 +162,10 @@ def test_a_long_gap_ends_the_garment_and_is_announced(write_bag: WriteBag) -> No
         tables = run(bag, 2)
     lengths_m = tables["points"]["garment_length_m"].to_numpy()[::5]
     assert 0.64 - 0.0025 - PITCH_M <= lengths_m[0] <= 0.64
-    assert 0.3 - 0.0025 - PITCH_M <= lengths_m[1] <= 0.3 + 0.005  # the last window reaches past the last row
+    assert np.isnan(lengths_m[1])
+    assert tables["points"]["length_reason"].to_pylist() == [None] * 5 + ["gap"] * 5
+    seen_m = tables["points"]["arc_length_m"].to_numpy()[-1] / 0.9
+    assert 0.3 - 0.0025 - PITCH_M <= seen_m <= 0.3 + 0.005  # the last window reaches past the last row
     bridged = run(bag, 2, DepthPointsParams(method="thesis", max_gap_m=0.1))
     lengths_m = bridged["points"]["garment_length_m"].to_numpy()[::5]
     assert lengths_m[0] == pytest.approx(lengths_m[1], abs=1e-12)
@@ -227,7 +231,7 @@ def test_points_lie_on_real_cloth(method: Literal["thesis", "profile"]) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", DataWarning)
         decoded = decode(bag, DecodeParams())
-    params = DepthPointsParams(method=method)
+    params = DepthPointsParams(method=method, hold_reach_m=0.2)  # the end point sweeps over the floor, up to 15 cm off
     tables = depth_points(bag, decoded["frames"], decoded["camera"], decoded["gripper"], params)
     camera = decoded["camera"].to_pylist()[0]
     points = tables["points"].to_pandas()
@@ -241,3 +245,37 @@ def test_points_lie_on_real_cloth(method: Literal["thesis", "profile"]) -> None:
             for row in np.flatnonzero(points["frame"] == image.index):
                 around_m = depth_m[v_px[row] - 2 : v_px[row] + 3, u_px[row] - 10 : u_px[row] + 11]
                 assert np.median(around_m[around_m > 0]) == pytest.approx(points["z_m"][row], abs=0.006)
+
+
+@pytest.mark.real
+@pytest.mark.skipif("GARMENT_REAL_DATA" not in os.environ, reason="GARMENT_REAL_DATA names no folder of recordings")
+@pytest.mark.parametrize("hold_reach_m", [None, 0.5])
+@pytest.mark.parametrize("method", ["thesis", "profile"])
+@pytest.mark.parametrize("name", ["RealGarments_Floor_01_pi16_0.1_R1", "RealGrabber_Desk_01_pi16_0.1_R1"])
+def test_no_point_in_mid_air_in_real_scenes(name: str, method: str, hold_reach_m: float | None) -> None:
+    """Near every point there is measured depth, or its uncertainty says how far; also where nothing is held."""
+    from garment_dataset.bags import open_bag
+    from garment_dataset.stages.decode import DecodeParams, decode
+
+    bag = Path(os.environ["GARMENT_REAL_DATA"]) / "recordings" / f"{name}.bag"
+    knobs = {} if hold_reach_m is None else {"hold_reach_m": hold_reach_m}
+    params = DepthPointsParams.model_validate({"method": method, "point_count": 20, **knobs})
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", DataWarning)
+        decoded = decode(bag, DecodeParams())
+        tables = depth_points(bag, decoded["frames"], decoded["camera"], decoded["gripper"], params)
+    camera = decoded["camera"].to_pylist()[0]
+    points = tables["points"].to_pandas()
+    assert (points["z_m"].isna() == points["reason"].notna()).all()
+    with open_bag(bag) as opened:
+        for image in opened.images(TOPIC, "depth"):
+            depth_m = image.pixels().astype(np.float64) / 1000
+            v_px, u_px = np.nonzero(depth_m)
+            z_m = depth_m[v_px, u_px]
+            rays = np.stack([(u_px - camera["cx_px"]) / camera["fx_px"], (v_px - camera["cy_px"]) / camera["fy_px"]])
+            cloud_m = np.concatenate([rays * z_m, z_m[None]])
+            found = points[(points["frame"] == image.index) & points["z_m"].notna()]
+            places_m, stds_m = (found[[f"{axis}{kind}_m" for axis in "xyz"]].to_numpy() for kind in ("", "_std"))
+            for place_m, std_m in zip(places_m, stds_m, strict=True):
+                away_m = np.sqrt(((cloud_m - place_m[:, None]) ** 2).sum(axis=0)).min()
+                assert away_m <= 3 * np.sqrt((std_m**2).sum()) + place_m[2] ** 2 / 342.205

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from pydantic import ValidationError
 
-from garment_dataset.stages.decode import CAMERA, FRAMES, GRIPPER
+from garment_dataset.stages.cameras import CAMERA
+from garment_dataset.stages.decode import FRAMES, GRIPPER
 from garment_dataset.stages.depth_points import DepthPointsParams, depth_points
 
 if TYPE_CHECKING:
@@ -53,7 +54,7 @@ def run(recorder: Any, ros: Any, images: Sequence[Image], **knobs: Any) -> dict[
     rows = [{"stream": "depth", "frame": frame, "stamp_ns": stamp_ns(frame)} for frame in range(len(images))]
     place = dict(zip(("x_m", "y_m", "z_m"), GRIPPER_M, strict=True))
     size = {"frame_id": "camera", "width_px": SHAPE[1], "height_px": SHAPE[0]}
-    camera = {"stream": "depth", **size, **K, "distortion_model": "plumb_bob", "distortion": [0.0] * 5}
+    camera = {"stream": "depth", **size, **K, "distortion_model": "plumb_bob", "distortion": [0.0] * 5, "matrix": "K"}
     return depth_points(
         bag,
         build(FRAMES, [{**row, "record_stamp_ns": 0, "topic": TOPIC} for row in rows]),
@@ -93,7 +94,7 @@ def test_frames_that_cannot_be_used_have_rows_with_a_reason(recorder: Any, ros: 
     reasons = points.groupby("frame")["reason"].first()
     assert reasons[[1, 2]].tolist() == ["no_pixels", "few_pixels"]
     assert reasons[[0, 3]].isna().all()
-    numbers = points.drop(columns=["frame", "stamp_ns", "point", "reason", "pixels"])
+    numbers = points.drop(columns=["frame", "stamp_ns", "point", "reason", "length_reason", "pixels"])
     assert numbers[points["reason"].notna()].isna().all(axis=None)
     assert numbers[points["reason"].isna()].notna().all(axis=None)
     assert tables["chains"]["frame"].unique().to_pylist() == [0, 3]
@@ -102,9 +103,13 @@ def test_frames_that_cannot_be_used_have_rows_with_a_reason(recorder: Any, ros: 
 def test_rows_that_are_missing_are_bridged(recorder: Any, ros: Any) -> None:
     whole = run(recorder, ros, [vertical(0.64)])["points"].to_pandas()
     recorder.rows.clear()
-    tables = run(recorder, ros, [vertical(0.64, missing=slice(110, 130))])
+    tables = run(recorder, ros, [vertical(0.64, missing=slice(110, 122))])
     np.testing.assert_allclose(tables["points"].to_pandas()["y_m"], whole["y_m"], atol=1e-9)
-    assert (tables["chains"]["pixels"].to_numpy() == 0).sum() == pytest.approx(20 * PITCH_M / 0.0025, abs=4)
+    assert (tables["chains"]["pixels"].to_numpy() == 0).sum() == pytest.approx(12 * PITCH_M / 0.0025 + 5, abs=4)
+    bridges_m = tables["chains"]["bridged_m"].to_numpy()
+    assert bridges_m.max() == pytest.approx(13 * PITCH_M, abs=0.006)
+    assert ((bridges_m > 0) == (tables["chains"]["pixels"].to_numpy() == 0)).all()
+    assert bridges_m[:4] == pytest.approx(0.012, abs=0.006)  # the gripper's fingers can be in the way there
 
 
 def test_parameters_that_cannot_be_are_refused() -> None:

@@ -20,7 +20,10 @@ LABELS = [Label(column, value) for column, value in zip(IDENTITY, ("A_B_0.5_R1",
 UNITS = {"m", "mm", "s", "ns", "px", "px2", "rad", "m/s", "m/s2", "rad/s", "kg", "byte", "1", "", "level"}
 SUFFIXES = {
     **{f"_{unit}": unit for unit in ("ns", "px", "px2", "rad", "mm", "kg")},
-    **{"_m_s": "m/s", "_m_s2": "m/s2", "_rad_s": "rad/s", "_bytes": "byte"},
+    "_m_s": "m/s",
+    "_m_s2": "m/s2",
+    "_rad_s": "rad/s",
+    "_bytes": "byte",
 }
 
 SPEC = TableSpec(

@@ -68,3 +68,22 @@ def test_no_pipeline_at_all_is_said(workspace: Workspace) -> None:
         path.unlink()
     with pytest.raises(PipelineError, match="no pipeline files"):
         load_pipelines(workspace.pipelines_dir, KnownStages.of(workspace))
+
+
+def test_two_pipelines_give_one_stage_the_tables_that_each_has(workspace: Workspace) -> None:
+    """``quality`` takes what there is; a recording of both pipelines has one row for each of their stages."""
+    for name, stages in (("depth", ["decode", "depth_points"]), ("colour", ["decode", "depth_points", "kinematics"])):
+        text = f'recordings = ["axis=R"]\nstages = {[*stages, "quality"]}\n'.replace("'", '"')
+        (workspace.pipelines_dir / f"{name}.toml").write_text(text)
+    (node, *_) = [node for node in graph_of(workspace) if node.stage.name == "quality"]
+    assert set(node.inputs) == {"frames", "points", "kinematics"}
+
+
+def test_a_table_that_a_stage_can_do_without_does_not_block_it(workspace: Workspace) -> None:
+    """The empty scene is missing: there is no silhouette, but there is something to say of the images."""
+    text = 'recordings = ["axis=R"]\nstages = ["decode", "background", "silhouette", "quality"]\n'
+    (workspace.pipelines_dir / "depth.toml").write_text(text)
+    graph = graph_of(workspace)
+    blocked = {node.stage.name for node in graph if node.blocked is not None}
+    assert blocked == {"background", "silhouette"}
+    assert all(set(node.inputs) == {"frames"} for node in graph if node.stage.name == "quality")

@@ -1,7 +1,7 @@
 """From the garment's pixels to points of equal distance along it: thesis 5.3.4.
 
-The pieces are separate, each a function of the one before: pixels (``cloud``), samples, chain, points. Positions are in
-the optical frame, ``(3, n)`` with the rows x, y and z.
+The pieces are separate, each a function of the one before: pixels (``cloud``), ``samples``, chain, points. Positions
+are in the optical frame, ``(3, n)`` with the rows x, y and z.
 """
 
 from __future__ import annotations
@@ -12,29 +12,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from garment_dataset.vision.depth.cloud import z_std_m
+from garment_dataset.vision.depth.support import BridgeLimits, Support, bridge_gaps
 
 if TYPE_CHECKING:
     from garment_dataset.arrays import FloatArray, IntArray
-    from garment_dataset.vision.depth.cloud import Cloud, Intrinsics, Point
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Samples:
-    """The sample points s^i of thesis eq. (5.10), from the gripper down.
-
-    Parameters
-    ----------
-    position_m : (3, k) float64
-        x and z are means over the window, NaN where it is empty; y is its middle.
-    pixels : (k,) int64
-        Number of pixels in the window.
-    z_spread_m : (k,) float64
-        Sample standard deviation of z in the window (divided by n - 1); NaN for fewer than two pixels.
-    """
-
-    position_m: FloatArray
-    pixels: IntArray
-    z_spread_m: FloatArray
+    from garment_dataset.vision.depth.cloud import Intrinsics, Point
+    from garment_dataset.vision.depth.samples import Samples
+    from garment_dataset.vision.depth.support import PointReason
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -44,15 +28,17 @@ class Chain:
     Parameters
     ----------
     position_m : (3, k) float64
-        The samples; interpolated where a gap was bridged.
+        The samples; interpolated across gaps, so that the way can be measured. ``support`` says which are there.
     arc_length_m : (k,) float64
         Along the chain from its first sample, which is at the height of the gripper's end point.
     pixels : (k,) int64
-        Number of pixels of the sample; 0 where a gap was bridged.
+        Number of pixels of the sample; 0 where it has none.
     z_spread_m : (k,) float64
-        As in :class:`Samples`; NaN where a gap was bridged.
+        As in :class:`~garment_dataset.vision.depth.samples.Samples`; NaN where the sample has no pixels.
     ends_at_gap : bool
-        Whether more of the samples follow after a gap too long to bridge.
+        Whether more of the samples follow after a gap too long to cross.
+    support : Support
+        What carries the samples.
     """
 
     position_m: FloatArray
@@ -60,6 +46,7 @@ class Chain:
     pixels: IntArray
     z_spread_m: FloatArray
     ends_at_gap: bool
+    support: Support
 
     @property
     def length_m(self) -> float:
@@ -104,76 +91,24 @@ class ChainPoints:
         Where they are along the chain.
     pixels : (r,) int64
         Number of pixels of the nearest sample.
+    bridged_m : (r,) float64
+        0 where pixels carry the point, the length of the bridge it lies on otherwise.
+    reasons : tuple of (str or None), length r
+        Why there is no point; then everything else of it is NaN, and 0 pixels.
     """
 
     position_m: FloatArray
     std_m: FloatArray
     arc_length_m: FloatArray
     pixels: IntArray
+    bridged_m: FloatArray
+    reasons: tuple[PointReason | None, ...]
 
 
-def sample_windows(cloud: Cloud, top_y_m: float, *, step_m: float, half_height_m: float) -> Samples:
-    r"""Average the pixels over overlapping windows: thesis eqs. (5.9) and (5.10).
-
-    Parameters
-    ----------
-    cloud : Cloud
-        Pixels of the strip, none above ``top_y_m``.
-    top_y_m : float
-        Height :math:`ee_y` of the gripper's end point.
-    step_m : float
-        :math:`\Delta y_{us}`: the samples are at :math:`y^i = ee_y + i \Delta y_{us}`, i = 0, 1, …, down to the last
-        pixel.
-    half_height_m : float
-        :math:`\Delta y`: a pixel belongs to sample i if :math:`y^i - \Delta y < y < y^i + \Delta y`.
-
-    Returns
-    -------
-    Samples
-        Without any sample when the cloud is empty.
-
-    Notes
-    -----
-    Pixels are counted once, by where they lie among the edges of the windows, and a window is the difference of two
-    running sums. When its height is a whole multiple of the step, its bottom is the top of a later one, and one count
-    serves for both. Sums of z are sums of whole millimetres, and exact.
-    """
-    if cloud.y_m.size == 0:
-        return Samples(np.empty((3, 0)), np.empty(0, np.int64), np.empty(0))
-    last_y_m = float(cloud.y_m.max())
-    y_m = top_y_m + step_m * np.arange(int((last_y_m - top_y_m) / step_m) + 2)
-    y_m = y_m[: int(np.searchsorted(y_m, last_y_m, side="right"))]
-    index = np.arange(y_m.size)
-    height_in_steps = 2 * half_height_m / step_m
-    whole_steps = round(height_in_steps)
-    sums = _running_sums(cloud, top_y_m - half_height_m, step_m)
-    if abs(height_in_steps - whole_steps) < 1e-9:
-        sums_of_bottoms, bottom = sums, index + whole_steps
-    else:
-        sums_of_bottoms, bottom = _running_sums(cloud, top_y_m + half_height_m, step_m), index
-    # Beyond the last pixel the sums stay what they are there.
-    to_bottom = sums_of_bottoms.take(2 * bottom, axis=1, mode="clip")
-    number, sum_x, sum_z, sum_zz = to_bottom - sums.take(2 * index + 1, axis=1, mode="clip")
-    some = np.where(number > 0, number, np.nan)  # an empty window has no mean, and one pixel no spread
-    position_m = np.stack([sum_x / some, y_m, sum_z / some / 1000])
-    pairs = np.where(number > 1, number * (number - 1), np.nan)
-    z_spread_m = np.sqrt(np.maximum(number * sum_zz - sum_z**2, 0) / pairs) / 1000
-    return Samples(position_m, number.astype(np.int64), z_spread_m)
-
-
-def _running_sums(cloud: Cloud, origin_m: float, step_m: float) -> FloatArray:
-    """Sum 1, x, z and z² of the pixels above each edge ``origin_m + j * step_m``, in (4, n).
-
-    Column ``2 j`` holds what is above edge j, column ``2 j + 1`` also what lies on it.
-    """
-    edges = np.maximum((cloud.y_m - origin_m) / step_m, -0.5)
-    column = (np.floor(edges) + np.ceil(edges)).astype(np.intp) + 1  # 2 j + 1: on edge j; 2 j + 2: below it
-    weights = (None, cloud.x_m, cloud.z_mm, cloud.z_mm**2)
-    return np.array([np.bincount(column, weight) for weight in weights], dtype=np.float64).cumsum(axis=1)
-
-
-def link_samples(samples: Samples, gripper_m: Point, *, step_m: float, max_gap_m: float, min_pixels: int) -> Chain:
-    """Bridge short gaps, end at a long one, and measure the way along: thesis eq. (5.11).
+def link_samples(
+    samples: Samples, gripper_m: Point, *, step_m: float, max_gap_m: float, min_pixels: int, jump_m: float
+) -> Chain:
+    """Cross short gaps, end at a long one, and measure the way along: thesis eq. (5.11).
 
     Parameters
     ----------
@@ -185,10 +120,12 @@ def link_samples(samples: Samples, gripper_m: Point, *, step_m: float, max_gap_m
     step_m : float
         Distance between samples along y.
     max_gap_m : float
-        The longest run of empty samples, each worth one step, that is bridged by linear interpolation. A longer one
-        ends the chain.
+        The longest run of empty samples, each worth one step, that is crossed by linear interpolation, and bridged if
+        both sides are one surface. A longer one ends the chain.
     min_pixels : int
         A sample of fewer pixels counts as empty.
+    jump_m : float
+        Neighbouring depths that differ by more are not one surface.
 
     Returns
     -------
@@ -204,19 +141,23 @@ def link_samples(samples: Samples, gripper_m: Point, *, step_m: float, max_gap_m
     longest_run = int(max_gap_m / step_m + 1e-9)
     if filled.size == 0 or filled[0] > longest_run:
         nothing = np.empty(0)
-        return Chain(np.empty((3, 0)), nothing, np.empty(0, np.int64), nothing, ends_at_gap=filled.size > 0)
+        return Chain(np.empty((3, 0)), nothing, np.empty(0, np.int64), nothing, filled.size > 0, Support.full(0))
     long_gaps = np.flatnonzero(np.diff(filled) > longest_run + 1)
     if long_gaps.size:
         filled = filled[: long_gaps[0] + 1]
     size = int(filled[-1]) + 1
     position_m, pixels, z_spread_m = samples.position_m[:, :size], samples.pixels[:size], samples.z_spread_m[:size]
+    support = Support.full(size)
     if filled.size < size:
         position_m = _bridge(filled, position_m, gripper_m)
-        bridged = ~np.isin(np.arange(size), filled)
-        pixels, z_spread_m = np.where(bridged, 0, pixels), np.where(bridged, np.nan, z_spread_m)
+        carried = np.isin(np.arange(size), filled)
+        pixels, z_spread_m = np.where(carried, pixels, 0), np.where(carried, z_spread_m, np.nan)
+        # crossing a gap was allowed by its height; a bridge may be longer by as much as depth may differ
+        limits = BridgeLimits(jump_m, np.inf)
+        support = bridge_gaps(position_m[1], position_m[2], carried, gripper_m[2], limits)
     arc_length_m = np.zeros(size)
     np.cumsum(_link_lengths(position_m), out=arc_length_m[1:])
-    return Chain(position_m, arc_length_m, pixels, z_spread_m, ends_at_gap=long_gaps.size > 0)
+    return Chain(position_m, arc_length_m, pixels, z_spread_m, long_gaps.size > 0, support)
 
 
 def _bridge(filled: IntArray, position_m: FloatArray, gripper_m: Point) -> FloatArray:
@@ -257,12 +198,13 @@ def divide_chain(
 
     Notes
     -----
-    The uncertainties are of first order, with independent causes. Depth: ``cloud.z_std_m``, which acts along the ray,
-    on x by x/z of it and on y by y/z. Across the rays a pixel stands for a square of side z/f: uniform, hence
-    :math:`z / (f \sqrt{12})`. Along the cloth a point can be misplaced, which acts on x, y and z through the direction
-    of the chain, for two causes. The end is seen up to one step and one pixel too early: rms :math:`1 / \sqrt 3` of
-    their sum, of which a point takes its share. And the noise of z makes a chain of short links too long, which shifts
-    a point as far as it does so unevenly: by as much as the point would move on a chain with links of two windows.
+    The uncertainties are of first order, with independent causes. Depth: ``cloud.z_std_m`` and what a bridge adds,
+    which act along the ray, on x by x/z of it and on y by y/z. Across the rays a pixel stands for a square of side z/f:
+    uniform, hence :math:`z / (f \sqrt{12})`. Along the cloth a point can be misplaced, which acts on x, y and z through
+    the direction of the chain, for two causes. The end is seen up to one step and one pixel too early: rms :math:`1 /
+    \sqrt 3` of their sum, of which a point takes its share. And the noise of z makes a chain of short links too long,
+    which shifts a point as far as it does so unevenly: by as much as the point would move on a chain with links of two
+    windows.
     """
     share = (np.arange(point_count) + 0.5) / point_count
     arc_m = share * chain.length_m
@@ -274,12 +216,13 @@ def divide_chain(
     pixels = chain.pixels[link + (2 * (arc_m - start_arc_m) > link_m)]
 
     focal_px = np.array([[intrinsics.fx_px], [intrinsics.fy_px], [np.inf]])
-    through_m = position_m / position_m[2] * z_std_m(position_m[2], pixels)
+    bridge_std_m = np.interp(arc_m, chain.arc_length_m, chain.support.std_m)
+    through_m = position_m / position_m[2] * np.hypot(z_std_m(position_m[2], pixels), bridge_std_m)
     across_m = position_m[2] / focal_px / np.sqrt(12)
     end_m = step_m + chain.position_m[2, -1] / intrinsics.fy_px
     along_m = np.hypot(share * end_m / np.sqrt(3), _uneven_excess_m(chain, share, 2 * round(window_m / step_m)))
     std_m = np.sqrt(through_m**2 + across_m**2 + (direction * along_m) ** 2)
-    return ChainPoints(position_m, std_m, arc_m, pixels)
+    return ChainPoints(position_m, std_m, arc_m, pixels, np.zeros(point_count), (None,) * point_count)
 
 
 def _uneven_excess_m(chain: Chain, share: FloatArray, stride: int) -> FloatArray:

@@ -179,10 +179,8 @@ def _clip(lowest_px: float, highest_px: float, size_px: int) -> slice:
 
 def level_spacing_m(z_m: ArrayLike) -> FloatArray:
     """Return the distance between neighbouring depth levels of an OpenNI sensor at depth ``z_m`` (any shape)."""
-    # in whole millimetres, 342205: a millionth off, and every uncertainty stays the one that was stated before
-    per_mm = 1 / round(1000 / LEVEL_SPACING_PER_M)
-    z_mm = np.asarray(z_m, dtype=np.float64) * 1000
-    return z_mm**2 * per_mm / 1000
+    spacing_m: FloatArray = np.asarray(z_m, dtype=np.float64) ** 2 * LEVEL_SPACING_PER_M
+    return spacing_m
 
 
 def z_std_m(z_m: ArrayLike, pixels: ArrayLike) -> FloatArray:

@@ -15,6 +15,7 @@ import cv2
 import numpy as np
 
 from garment_dataset.vision.depth.cloud import band_limits_mm, possible_region
+from garment_dataset.vision.depth.hem import hem_row
 from garment_dataset.vision.depth.planes import Planes, ProfileRows, fit_windows
 
 if TYPE_CHECKING:
@@ -26,11 +27,6 @@ if TYPE_CHECKING:
 _MIN_ROW_PIXELS = 3
 _MIN_ROWS = 5
 _CENTRE_PX = 2
-_HEM_HALF_WIDTH_PX = 10
-_HEM_REACH_PX = 12
-_EARLY_PX, _LATE_PX = 0.75, 2.0
-"""How far before and behind the line of the hem a column may end: whole ones end half a row about it."""
-
 _MEDIAN_PX = 3
 
 
@@ -50,10 +46,12 @@ class Profile:
         Sample standard deviation of z in the row's pixels; NaN for fewer than two.
     lean : (n,) float64
         Slope dz/dx of the sheet out of the plane.
+    measured_m : (n,) float64
+        Depth of the pixel of the node's row; NaN for nodes that only draw a piece out towards the next.
     end_y_m : float
         Where the garment ends.
     ends_at_gap : bool
-        Whether more follows after a gap too long to bridge.
+        Whether more follows after a gap too long to cross.
     """
 
     y_m: FloatArray
@@ -62,8 +60,19 @@ class Profile:
     pixels: IntArray
     z_spread_m: FloatArray
     lean: FloatArray
+    measured_m: FloatArray
     end_y_m: float
     ends_at_gap: bool
+
+    def end_m(self, gripper_x_m: float) -> Point:
+        """Return where the profile ends, in space."""
+        return gripper_x_m, float(self.y_m[-1]), float(self.z_m[-1])
+
+    def measured_position_m(self, gripper_x_m: float) -> FloatArray:
+        """Return the pixels on the profile, (3, m), each on the ray of its node."""
+        real = np.isfinite(self.measured_m)
+        z_m = self.measured_m[real]
+        return np.stack([np.full(z_m.size, gripper_x_m), self.y_m[real] / self.z_m[real] * z_m, z_m])
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +88,9 @@ class ProfileSettings:
     jump_m : float
         Neighbouring depths that differ by more are not the same surface.
     max_gap_m : float
-        The longest stretch without pixels that is bridged.
+        The longest stretch without pixels that the profile crosses.
+    hold_reach_m : float
+        The garment begins no farther from the gripper's end point than that, in space.
     windows_px : sequence of (int, int)
         Half widths and half heights of the windows, rising.
     """
@@ -88,6 +99,7 @@ class ProfileSettings:
     clearance_m: float
     jump_m: float
     max_gap_m: float
+    hold_reach_m: float
     windows_px: Sequence[tuple[int, int]]
 
 
@@ -109,7 +121,7 @@ class DepthScale:
 
 def trace_profile(
     depth_mm: DepthImage, intrinsics: Intrinsics, gripper_m: Point, scale: DepthScale, settings: ProfileSettings
-) -> Profile | Literal["no_pixels", "few_pixels"]:
+) -> Profile | Literal["no_pixels", "few_pixels", "not_held"]:
     """Follow the profile through one image.
 
     Parameters
@@ -128,7 +140,8 @@ def trace_profile(
     Returns
     -------
     Profile or str
-        ``no_pixels`` when the band is empty below the gripper, ``few_pixels`` when no five rows show cloth.
+        ``no_pixels`` when the band is empty below the gripper, ``few_pixels`` when no five rows show cloth,
+        ``not_held`` when the first that does is too far from the end point.
     """
     band_mm = band_limits_mm(gripper_m[2], settings.band_half_width_m)
     reach_px = settings.windows_px[-1][0]
@@ -147,9 +160,11 @@ def trace_profile(
     index, ends_at_gap = _linked(np.flatnonzero(rows.filled & below), rows, intrinsics, settings.max_gap_m)
     if index.size < _MIN_ROWS:
         return "few_pixels"
+    if _reach_m(rows, index[0], intrinsics, gripper_m) > settings.hold_reach_m:
+        return "not_held"
     piece = np.concatenate([[0], np.cumsum(np.abs(np.diff(rows.middle_m[index])) > settings.jump_m)])
     planes = fit_windows(rows, index, piece, intrinsics, gripper_m[0], settings.windows_px)
-    end_v = _hem(masked, rows, index[-1], settings.jump_m)
+    end_v = hem_row(masked, rows, index[-1], settings.jump_m)
     last_v = (depth_mm.shape[0] - 0.5) if end_v is None else end_v
     return _profile(_Rows(rows, index, piece), planes, last_v, intrinsics, ends_at_gap=ends_at_gap)
 
@@ -218,42 +233,19 @@ def _profile_column(smooth_mm: DepthImage, centre_px: float, fx_px: float, gripp
     return column_px
 
 
+def _reach_m(rows: ProfileRows, first: int, intrinsics: Intrinsics, gripper_m: Point) -> float:
+    """Return how far the first row of cloth is from the end point, in the plane of the profile, which holds both."""
+    z_m = rows.middle_m[first]
+    return float(
+        np.hypot((rows.v[first] - intrinsics.cy_px) / intrinsics.fy_px * z_m - gripper_m[1], z_m - gripper_m[2])
+    )
+
+
 def _linked(index: IntArray, rows: ProfileRows, intrinsics: Intrinsics, max_gap_m: float) -> tuple[IntArray, bool]:
     """Return the rows down to the first gap that is too long, and whether there is one."""
     gap_m = (np.diff(index) - 1) * rows.middle_m[index[:-1]] / intrinsics.fy_px
     too_long = np.flatnonzero(gap_m > max_gap_m)
     return (index, False) if too_long.size == 0 else (index[: too_long[0] + 1], True)
-
-
-def _hem(masked_mm: DepthImage, rows: ProfileRows, last: int, jump_m: float) -> float | None:
-    """Return the row, in pixels of the image, at which the garment ends on the profile; None at the image's edge.
-
-    The ends of the columns around it are put on a line, robustly: a missing pixel ends a column early. A column whose
-    last pixel is in row v ends anywhere between v and v + 1.
-    """
-    if last >= rows.v.size - 1:
-        return None
-    first_row, stop_row = max(last - _HEM_REACH_PX, 0), min(last + _HEM_REACH_PX, rows.v.size)
-    columns = np.rint(rows.column_px[last]).astype(np.int64) + np.arange(-_HEM_HALF_WIDTH_PX, _HEM_HALF_WIDTH_PX + 1)
-    columns = columns[(columns >= 0) & (columns < masked_mm.shape[1])]
-    around_mm = masked_mm[first_row:stop_row, columns].astype(np.float64)
-    cloth = np.abs(around_mm / 1000 - rows.middle_m[last]) <= jump_m
-    seen = cloth.any(axis=0)
-    ends = (stop_row - 1 - np.argmax(cloth[::-1], axis=0))[seen].astype(np.float64)
-    away = (columns - rows.column_px[last])[seen]
-    end = float(last)
-    if ends.size >= 5:
-        kept = np.ones(ends.size, dtype=np.bool_)
-        for _ in range(5):
-            centred = away[kept] - away[kept].mean()
-            slope = (centred * ends[kept]).sum() / max((centred**2).sum(), 1e-9)
-            level = ends[kept].mean() - slope * away[kept].mean()
-            beyond = ends - level - slope * away
-            kept = (beyond >= -_EARLY_PX) & (beyond <= _LATE_PX)
-            if kept.sum() < _MIN_ROW_PIXELS:
-                break
-        end = level if abs(level - last) <= _HEM_REACH_PX / 2 else end
-    return end + 0.5 + float(rows.v[0])
 
 
 def _profile(rows: _Rows, planes: Planes, last_v: float, intrinsics: Intrinsics, *, ends_at_gap: bool) -> Profile:
@@ -265,9 +257,11 @@ def _profile(rows: _Rows, planes: Planes, last_v: float, intrinsics: Intrinsics,
     breaks = np.flatnonzero(np.diff(piece) > 0)
     middle = (v[breaks] + v[breaks + 1]) / 2
     source = np.concatenate([np.flatnonzero(kept), breaks, breaks + 1, [np.flatnonzero(kept)[-1]]])
+    measured_m = rows.all.middle_m[index[source]]
+    measured_m[kept.sum() : -1] = np.nan
     at_v = np.concatenate([v[kept], middle, middle, [max(last_v, v[kept][-1])]])
     order = np.lexsort((at_v, piece[source]))
-    source, at_v = source[order], at_v[order]
+    source, at_v, measured_m = source[order], at_v[order], measured_m[order]
     z_m = 1 / (planes.inverse[source] + planes.down[source] * (at_v - v[source]))
     y_m = (at_v - intrinsics.cy_px) / intrinsics.fy_px * z_m
     spread_m = _spread_m(rows.all.weight[index], rows.all.inverse[index], planes.inverse)
@@ -278,6 +272,7 @@ def _profile(rows: _Rows, planes: Planes, last_v: float, intrinsics: Intrinsics,
         planes.pixels[source],
         spread_m[source],
         planes.lean[source],
+        measured_m,
         float(y_m[-1]),
         ends_at_gap,
     )

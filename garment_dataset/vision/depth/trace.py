@@ -2,16 +2,20 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from garment_dataset.vision.depth.chain import divide_chain, link_samples, sample_windows
+from garment_dataset.vision.depth.carried import distance_m, judge_points, pixel_distance_m
+from garment_dataset.vision.depth.chain import divide_chain, link_samples
 from garment_dataset.vision.depth.cloud import select_pixels
 from garment_dataset.vision.depth.flat_field import column_offsets, fixed_error_levels, inverse_depth_table
+from garment_dataset.vision.depth.hem import doubt_hem
 from garment_dataset.vision.depth.material_line import divide_material_line, smooth_material_lines, trace_material_line
-from garment_dataset.vision.depth.profile import DepthScale, Profile, ProfileSettings, trace_profile
+from garment_dataset.vision.depth.profile import DepthScale, Profile, trace_profile
+from garment_dataset.vision.depth.samples import sample_windows
+from garment_dataset.vision.depth.support import BridgeLimits
 from garment_dataset.vision.depth.tracking import divide_track, track_profiles
 from garment_dataset.vision.depth.uncertainty import ErrorSources
 
@@ -21,87 +25,59 @@ if TYPE_CHECKING:
     from garment_dataset.arrays import DepthImage, FloatArray
     from garment_dataset.vision.depth.chain import Chain, ChainPoints
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
+    from garment_dataset.vision.depth.hem import LengthReason
     from garment_dataset.vision.depth.material_line import MaterialLine
+    from garment_dataset.vision.depth.settings import TrackSettings, WindowSettings
 
-Reason = Literal["no_gripper", "image_size", "no_pixels", "few_pixels", "gap", "short"]
-"""Why a frame has no points.
+Reason = Literal[
+    "no_gripper",
+    "image_size",
+    "no_pixels",
+    "few_pixels",
+    "not_held",
+    "gap",
+    "short",
+    "between_layers",
+    "beyond_band",
+    "unsupported",
+]
+"""Why there is no point.
 
-``no_gripper``: its end point is not known at this frame. ``image_size``: the image is not of the size that K is for.
-``no_pixels``: none in the band and strip below the gripper. ``few_pixels``: no window with ``min_pixels``, or fewer
-than five rows of cloth. ``gap``: too long a gap right below the gripper. ``short``: a segment of the garment would be
-shorter than a window is high.
+Of a whole frame: ``no_gripper``: the end point is not known at this frame. ``image_size``: the image is not of the size
+that K is for. ``no_pixels``: none in the band and strip below the gripper. ``few_pixels``: no window with
+``min_pixels``, or fewer than five rows of cloth. ``not_held``: the first cloth is too far from the gripper. ``gap``:
+too long a gap right below it. ``short``: a segment of the garment would be shorter than a window is high.
+
+Of single points: ``gap``: in a stretch without pixels that is too long to bridge. ``between_layers``: where depth jumps
+from one layer of the cloth to another. ``beyond_band``: outside of the band of eq. (5.8). ``unsupported``: the frame
+has no pixel within three standard uncertainties and a level of the sensor, or, without a bridge, within a jump of
+depth, of where the point would be.
 """
 
 
 @dataclass(frozen=True, slots=True)
 class Trace:
-    """What one frame shows of the garment; ``material_m``, (3, r), are points on its material line."""
+    """What one frame shows of the garment.
+
+    Parameters
+    ----------
+    chain : Chain or None
+        None when there is not even that.
+    points : ChainPoints or None
+        With reasons of their own.
+    reason : str or None
+        Why the frame has no points.
+    length_reason : str or None
+        Why the chain's length is not the garment's, which points then do not divide, but what is seen of it.
+    material_m : (3, r) float64 or None
+        Points on the material line.
+    """
 
     chain: Chain | None = None
     points: ChainPoints | None = None
     reason: Reason | None = None
+    length_reason: LengthReason | None = None
     material_m: FloatArray | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class WindowSettings:
-    """Knobs of the thesis' method: means over windows, each frame alone.
-
-    Parameters
-    ----------
-    point_count : int
-        Points on the garment.
-    band_half_width_m, strip_half_width_m : float
-        Depth and x from the gripper's that are kept, eqs. (5.8) and (5.9).
-    sample_step_m, window_half_height_m : float
-        Distance of the samples along y, and half the height that each averages.
-    max_gap_m : float
-        Longest run of empty samples that is bridged.
-    min_pixels : int
-        A sample of fewer counts as empty.
-    """
-
-    point_count: int
-    band_half_width_m: float
-    strip_half_width_m: float
-    sample_step_m: float
-    window_half_height_m: float
-    max_gap_m: float
-    min_pixels: int
-
-
-@dataclass(frozen=True, slots=True)
-class TrackSettings:
-    """Knobs of the method ``profile``: planes in every frame, smoothed over time.
-
-    Parameters
-    ----------
-    point_count : int
-        Points on the garment.
-    profile : ProfileSettings
-        Of every frame.
-    sample_step_m : float
-        Distance of the samples along y.
-    shortest_m : float
-        A garment that seems shorter gets no points.
-    smoothing_frames : sequence of int
-        Lengths of the parabolas in time.
-    flat_field_frames : int
-        Images from which the fixed errors of the columns are measured, on
-    flat_field_beyond_m : float
-        what is farther than that.
-    gripper_std_m : float
-        Standard uncertainty of the end point's coordinates.
-    """
-
-    point_count: int
-    profile: ProfileSettings
-    sample_step_m: float
-    shortest_m: float
-    smoothing_frames: Sequence[int]
-    flat_field_frames: int
-    flat_field_beyond_m: float
-    gripper_std_m: float
 
 
 def trace_windows(
@@ -134,15 +110,31 @@ def trace_windows(
         return Trace(reason="no_pixels")
     samples = sample_windows(cloud, gripper_m[1], step_m=step_m, half_height_m=half_height_m)
     chain = link_samples(
-        samples, gripper_m, step_m=step_m, max_gap_m=settings.max_gap_m, min_pixels=settings.min_pixels
+        samples,
+        gripper_m,
+        step_m=step_m,
+        max_gap_m=settings.max_gap_m,
+        min_pixels=settings.min_pixels,
+        jump_m=settings.jump_m,
     )
     if chain.pixels.size == 0:
         return Trace(reason="gap" if chain.ends_at_gap else "few_pixels")
+    if _distance_m(chain.position_m[:, np.argmax(chain.pixels > 0)], gripper_m) > settings.hold_reach_m:
+        return Trace(reason="not_held")
     window_m = 2 * half_height_m
     if chain.length_m < settings.point_count * window_m:
         return Trace(chain, reason="short")
     points = divide_chain(chain, intrinsics, point_count=settings.point_count, step_m=step_m, window_m=window_m)
-    return Trace(chain, points)
+    limits = {"band_half_width_m": settings.band_half_width_m, "jump_m": settings.jump_m}
+    points = judge_points(points, chain, pixel_distance_m(points, depth_mm, intrinsics), gripper_m[2], **limits)
+    hem = doubt_hem(
+        depth_mm, intrinsics, chain.position_m[:, -1].tolist(), gripper_m[2], ends_at_gap=chain.ends_at_gap, **limits
+    )
+    return Trace(chain, points, length_reason=hem)
+
+
+def _distance_m(position_m: FloatArray, gripper_m: Point) -> float:
+    return float(np.sqrt(((position_m - gripper_m) ** 2).sum()))
 
 
 def trace_profiles(
@@ -171,6 +163,7 @@ def trace_profiles(
     scale, fixed_levels = _measure_scale(images, list(stamps_ns), settings)
     traces: dict[int, Trace] = {}
     profiles: dict[int, Profile] = {}
+    limits = {"band_half_width_m": settings.profile.band_half_width_m, "jump_m": settings.profile.jump_m}
     lines: list[MaterialLine | None] = []
     for frame, depth_mm in images:
         if depth_mm is None:
@@ -183,7 +176,15 @@ def trace_profiles(
                 profiles[frame] = found
                 band_m = settings.profile.band_half_width_m
                 lines.append(trace_material_line(depth_mm, intrinsics, gripper_m, found, band_half_width_m=band_m))
-                traces[frame] = Trace()
+                hem = doubt_hem(
+                    depth_mm,
+                    intrinsics,
+                    found.end_m(gripper_m[0]),
+                    gripper_m[2],
+                    ends_at_gap=found.ends_at_gap,
+                    **limits,
+                )
+                traces[frame] = Trace(length_reason=hem)
             else:
                 traces[frame] = Trace(reason=found)
     if not profiles:
@@ -195,6 +196,7 @@ def trace_profiles(
         list(profiles.values()),
         tracked_ns,
         np.array([grippers_m[frame] for frame in frames]),
+        BridgeLimits(settings.profile.jump_m, settings.longest_bridge_m),
         step_m=settings.sample_step_m,
         frames=settings.smoothing_frames,
     )
@@ -205,8 +207,10 @@ def trace_profiles(
             continue
         count, gripper_m = settings.point_count, grippers_m[frame]
         points = divide_track(track, gripper_m, intrinsics, point_count=count, sources=sources)
+        away_m = distance_m(points, profiles[frame].measured_position_m(gripper_m[0]))
+        points = judge_points(points, track.chain, away_m, gripper_m[2], **limits)
         material_m = None if line is None else divide_material_line(line, track, gripper_m, count)
-        traces[frame] = Trace(track.chain, points, material_m=material_m)
+        traces[frame] = replace(traces[frame], chain=track.chain, points=points, material_m=material_m)
     return traces
 
 

@@ -14,6 +14,7 @@ import numpy as np
 
 from garment_dataset.vision.depth.chain import Chain, ChainPoints, Track
 from garment_dataset.vision.depth.smoothing import NOISE_FRAMES, adaptive_mean, local_fit, unrest
+from garment_dataset.vision.depth.support import bridge_gaps
 from garment_dataset.vision.depth.uncertainty import point_std_m
 
 if TYPE_CHECKING:
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from garment_dataset.arrays import FloatArray, IntArray
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
     from garment_dataset.vision.depth.profile import Profile
+    from garment_dataset.vision.depth.support import BridgeLimits
     from garment_dataset.vision.depth.uncertainty import ErrorSources
 
 _SHAPE_DEGREE = 2
@@ -37,11 +39,17 @@ _FARTHEST_HOLD_M = 0.03
 """Cloth that seems farther from the gripper's end point is not held there: its line upwards means nothing."""
 
 _SEEN_WITHIN_M = 0.004
-"""Two rows of pixels: a sample farther from any of them was bridged."""
+"""Two rows of pixels: a sample farther from any of them is not seen."""
 
 
 def track_profiles(
-    profiles: Sequence[Profile], stamp_ns: IntArray, gripper_m: FloatArray, *, step_m: float, frames: Sequence[int]
+    profiles: Sequence[Profile],
+    stamp_ns: IntArray,
+    gripper_m: FloatArray,
+    limits: BridgeLimits,
+    *,
+    step_m: float,
+    frames: Sequence[int],
 ) -> list[Track]:
     """Smooth the profiles of a recording over time and link them.
 
@@ -53,6 +61,8 @@ def track_profiles(
         When they were seen.
     gripper_m : (T, 3) float64
         End point of the gripper.
+    limits : BridgeLimits
+        Which gaps are bridged.
     step_m : float
         Distance of the samples along y.
     frames : sequence of int
@@ -74,8 +84,9 @@ def track_profiles(
     unrest_m = unrest(lengths_m - local_fit(time_s, lengths_m, NOISE_FRAMES, _SHAPE_DEGREE)[0])[:, 0]
     end_noise_m = np.hypot(end_noise_m, unrest_m)
     top_m, top_noise_m = _one_series(time_s, shape_m[:, 0], _HOLD_FRAMES if frames else (), 1)
+    held = np.abs(top_m) < _FARTHEST_HOLD_M
     # the square of a distance is too large by the variance of its noise
-    hold_distance_m = np.sqrt(np.maximum(top_m**2 - top_noise_m**2, 0)) * (np.abs(top_m) < _FARTHEST_HOLD_M)
+    hold_distance_m = np.sqrt(np.maximum(top_m**2 - top_noise_m**2, 0)) * held
     tracks = [
         _track(
             profiles[i],
@@ -88,7 +99,9 @@ def track_profiles(
                 end_noise_m[row],
                 hold_distance_m[row],
                 top_noise_m[row],
+                bool(held[row]),
             ),
+            limits,
         )
         for row, i in enumerate(order)
     ]
@@ -123,7 +136,8 @@ def _one_series(
 class _Smoothed(NamedTuple):
     """One frame's row of the smoothed series, relative to the gripper.
 
-    ``hold_distance_m`` is how far the cloth is from the gripper's end point at its height, ``top_noise_m`` its noise.
+    ``hold_distance_m`` is how far the cloth is from the gripper's end point at its height, ``top_noise_m`` its noise;
+    ``held`` whether the cloth leads up there at all.
     """
 
     raster_m: FloatArray
@@ -133,6 +147,7 @@ class _Smoothed(NamedTuple):
     end_noise_m: float
     hold_distance_m: float
     top_noise_m: float
+    held: bool
 
 
 def _on_raster(profile: Profile, gripper_m: FloatArray, raster_m: FloatArray) -> FloatArray:
@@ -158,23 +173,35 @@ def _line(y_m: FloatArray, z_m: FloatArray) -> tuple[float, float]:
     return float(z_m.mean() - slope * y_m.mean()), slope
 
 
-def _track(profile: Profile, gripper_m: FloatArray, smoothed: _Smoothed) -> Track:
-    """Cut the raster at the hem and measure the way along it, the cloth's distance from the end point included."""
+def _track(profile: Profile, gripper_m: FloatArray, smoothed: _Smoothed, limits: BridgeLimits) -> Track:
+    """Cut the raster at the hem and measure the way along it, the cloth's distance from the end point included.
+
+    A sample is carried if the nearest row of this very frame shows a surface there: what smoothing over time, planes
+    or lines drawn out put anywhere else is not. Bridges are straight.
+    """
     end_m = max(float(smoothed.end_m), 1e-6)
     y_m = np.append(smoothed.raster_m[smoothed.raster_m < end_m - 1e-6], end_m)
     z_m = np.interp(y_m, smoothed.raster_m, smoothed.z_m)
     noise_m = np.interp(y_m, smoothed.raster_m, smoothed.z_noise_m)
-    arc_m = smoothed.hold_distance_m + np.concatenate([[0.0], np.cumsum(_links(y_m, z_m))])
-    nodes_m = profile.y_m - gripper_m[1]
+    real = np.flatnonzero(np.isfinite(profile.measured_m))
+    nodes_m = profile.y_m[real] - gripper_m[1]
     after = np.clip(np.searchsorted(nodes_m, y_m), 1, nodes_m.size - 1)
     nearest = after - (y_m - nodes_m[after - 1] < nodes_m[after] - y_m)
     seen = np.abs(nodes_m[nearest] - y_m) <= _SEEN_WITHIN_M
+    nearest = real[nearest]
+    seen &= np.abs(profile.measured_m[nearest] - gripper_m[2] - z_m) <= limits.jump_m
+    support = bridge_gaps(y_m, z_m, seen, 0.0 if smoothed.held else None, limits)
+    between = (support.bridged_m > 0) & (np.cumsum(seen) > 0)
+    if between.any():
+        z_m[between] = np.interp(y_m[between], y_m[seen], z_m[seen])
+    arc_m = smoothed.hold_distance_m + np.concatenate([[0.0], np.cumsum(_links(y_m, z_m))])
     chain = Chain(
         np.stack([np.full(y_m.size, gripper_m[0]), y_m + gripper_m[1], z_m + gripper_m[2]]),
         arc_m,
         np.where(seen, profile.pixels[nearest], 0),
         np.where(seen, profile.z_spread_m[nearest], np.nan),
         profile.ends_at_gap,
+        support,
     )
     lean = profile.lean[nearest]
     return Track(chain, noise_m, float(smoothed.end_noise_m), float(smoothed.top_noise_m), lean)
@@ -209,4 +236,4 @@ def divide_track(
     position_m = np.stack([np.interp(arc_m, node_arc_m, axis) for axis in nodes_m])
     nearest = np.clip(np.searchsorted(chain.arc_length_m, arc_m), 1, chain.arc_length_m.size - 1)
     std_m = point_std_m(track, position_m, arc_m, (node_arc_m, nodes_m), intrinsics, sources)
-    return ChainPoints(position_m, std_m, arc_m, chain.pixels[nearest])
+    return ChainPoints(position_m, std_m, arc_m, chain.pixels[nearest], np.zeros(point_count), (None,) * point_count)

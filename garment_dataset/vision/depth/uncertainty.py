@@ -95,8 +95,8 @@ def point_std_m(
     Notes
     -----
     Along the ray: the noise of z as seen after smoothing, the fixed error of the columns, the fine fixed pattern
-    averaged over its blobs, and the cloth's bend within the window. Of the gripper's x: all of it on x, and on z by
-    the lean of the sheet.
+    averaged over its blobs, the cloth's bend within the window, and what a bridge may hide. Of the gripper's x: all of
+    it on x, and on z by the lean of the sheet.
 
     Along the cloth, for a point at the share s of the length: the hem is uncertain by its noise and by a row of
     pixels, uniform, of which the point takes s; the hold by its noise, the fixed error and the gripper, of which it
@@ -109,7 +109,8 @@ def point_std_m(
     fixed_std_m = _fixed_std_m(position_m, pixels, intrinsics, sources.fixed_levels)
     flat = _flatness(chain.pixels, sources.window_px)
     bent_std_m = _bend_std_m(chain, position_m, flat[nearest], sources.window_px[1] / intrinsics.fy_px)
-    ray_std_m = np.sqrt(track.z_noise_m[nearest] ** 2 + fixed_std_m**2 + bent_std_m**2)
+    bridge_std_m = np.interp(arc_m, chain.arc_length_m, chain.support.std_m)
+    ray_std_m = np.sqrt(track.z_noise_m[nearest] ** 2 + fixed_std_m**2 + bent_std_m**2 + bridge_std_m**2)
 
     share = arc_m / chain.length_m
     hem_std_m = np.hypot(track.end_noise_m, chain.position_m[2, -1] / intrinsics.fy_px / np.sqrt(12))

@@ -7,8 +7,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from garment_dataset.vision.depth.chain import Chain, ChainPoints, Samples, divide_chain, link_samples, sample_windows
+from garment_dataset.vision.depth.chain import Chain, ChainPoints, divide_chain, link_samples
 from garment_dataset.vision.depth.cloud import Cloud, level_spacing_m, select_pixels
+from garment_dataset.vision.depth.samples import Samples, sample_windows
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -26,6 +27,7 @@ GRIPPER_M = (0.01, TOP_M, 1.065)
 LIMITS = {"band_half_width_m": 0.27, "strip_half_width_m": 0.02}
 STEP_M = 0.0025
 HALF_HEIGHT_M = 0.005
+JUMP_M = 0.012
 PITCH_M = 1.16 / 569
 """Distance of pixels on the cloth, where it is farthest."""
 END_M = STEP_M + PITCH_M
@@ -42,7 +44,7 @@ class Hanging(NamedTuple):
 
 def trace(cloud: Cloud, intrinsics: Intrinsics, point_count: int = 5) -> Hanging:
     samples = sample_windows(cloud, TOP_M, step_m=STEP_M, half_height_m=HALF_HEIGHT_M)
-    chain = link_samples(samples, GRIPPER_M, step_m=STEP_M, max_gap_m=0.03, min_pixels=1)
+    chain = link_samples(samples, GRIPPER_M, step_m=STEP_M, max_gap_m=0.03, min_pixels=1, jump_m=JUMP_M)
     window_m = 2 * HALF_HEIGHT_M
     points = divide_chain(chain, intrinsics, point_count=point_count, step_m=STEP_M, window_m=window_m)
     return Hanging(chain, points)
@@ -269,7 +271,7 @@ def test_the_thesis_windows_on_a_frame(
 
 def test_no_pixels_no_samples_no_chain() -> None:
     samples = sample_windows(points_at([], []), 0.0, step_m=STEP_M, half_height_m=HALF_HEIGHT_M)
-    chain = link_samples(samples, (0, 0, 1), step_m=STEP_M, max_gap_m=0.03, min_pixels=1)
+    chain = link_samples(samples, (0, 0, 1), step_m=STEP_M, max_gap_m=0.03, min_pixels=1, jump_m=JUMP_M)
     assert chain.pixels.size == 0
     assert chain.length_m == 0
     assert not chain.ends_at_gap
@@ -284,7 +286,8 @@ def samples_with(pixels: list[int], step_m: float = 0.5) -> Samples:
 
 
 def link(pixels: list[int], max_gap_m: float = 1.0, min_pixels: int = 1) -> Chain:
-    return link_samples(samples_with(pixels), (0, 0, 1), step_m=0.5, max_gap_m=max_gap_m, min_pixels=min_pixels)
+    limits = {"max_gap_m": max_gap_m, "jump_m": JUMP_M}
+    return link_samples(samples_with(pixels), (0, 0, 1), step_m=0.5, min_pixels=min_pixels, **limits)
 
 
 @pytest.mark.parametrize("pixels", [[4, 4, 4, 4, 4], [4, 0, 4, 4, 4], [4, 4, 0, 0, 4], [0, 0, 4, 0, 4]])
@@ -301,9 +304,9 @@ def test_a_gap_in_a_straight_chain_changes_nothing_but_the_count(pixels: list[in
 
 def test_a_chain_begins_at_the_gripper_only_where_the_first_sample_is_missing() -> None:
     gripper_m = (0.5, 0, 2)
-    kept = link_samples(samples_with([4, 4]), gripper_m, step_m=0.5, max_gap_m=1, min_pixels=1)
+    kept = link_samples(samples_with([4, 4]), gripper_m, step_m=0.5, max_gap_m=1, min_pixels=1, jump_m=JUMP_M)
     assert kept.position_m[:, 0].tolist() == [0, 0, 1]
-    bridged = link_samples(samples_with([0, 4]), gripper_m, step_m=0.5, max_gap_m=1, min_pixels=1)
+    bridged = link_samples(samples_with([0, 4]), gripper_m, step_m=0.5, max_gap_m=1, min_pixels=1, jump_m=JUMP_M)
     assert bridged.position_m[:, 0].tolist() == [0.5, 0, 2]
 
 
@@ -337,7 +340,7 @@ def test_points_lie_on_the_chain_in_the_middles_of_equal_segments(
     z_m = np.array(depths_m)
     y_m = 0.01 * np.arange(z_m.size)
     samples = Samples(np.stack([0 * y_m, y_m, z_m]), np.full(z_m.size, 9), np.zeros(z_m.size))
-    chain = link_samples(samples, GRIPPER_M, step_m=0.01, max_gap_m=0, min_pixels=1)
+    chain = link_samples(samples, GRIPPER_M, step_m=0.01, max_gap_m=0, min_pixels=1, jump_m=JUMP_M)
     assert chain.length_m == pytest.approx(np.hypot(np.diff(y_m), np.diff(z_m)).sum())
     points = divide_chain(chain, intrinsics, point_count=point_count, step_m=0.01, window_m=0.02)
     expected_m = (2 * np.arange(1, point_count + 1) - 1) / (2 * point_count) * chain.length_m
@@ -353,7 +356,7 @@ def test_a_point_on_a_bridge_rests_on_no_pixel_and_is_less_certain(intrinsics: I
     y_m = STEP_M * np.arange(101)
     samples = Samples(np.stack([0 * y_m, y_m, 1 + 0 * y_m]), np.full(101, 100), np.zeros(101))
     samples.pixels[45:55] = 0
-    chain = link_samples(samples, GRIPPER_M, step_m=STEP_M, max_gap_m=0.03, min_pixels=1)
+    chain = link_samples(samples, GRIPPER_M, step_m=STEP_M, max_gap_m=0.03, min_pixels=1, jump_m=JUMP_M)
     points = divide_chain(chain, intrinsics, point_count=3, step_m=STEP_M, window_m=2 * HALF_HEIGHT_M)
     assert points.pixels.tolist() == [100, 0, 100]
     assert points.std_m[2, 1] > points.std_m[2, 2] == points.std_m[2, 0]
@@ -364,7 +367,7 @@ def rough(rough_samples: int) -> Chain:
     index = np.arange(81)
     z_m = 1 + STEP_M * ((index % 2 == 1) & (index < rough_samples))
     samples = Samples(np.stack([0 * z_m, STEP_M * index, z_m]), np.full(81, 100), np.zeros(81))
-    return link_samples(samples, GRIPPER_M, step_m=STEP_M, max_gap_m=0, min_pixels=1)
+    return link_samples(samples, GRIPPER_M, step_m=STEP_M, max_gap_m=0, min_pixels=1, jump_m=JUMP_M)
 
 
 def test_uneven_roughness_makes_a_point_uncertain_along_the_cloth(intrinsics: Intrinsics) -> None:
@@ -383,6 +386,6 @@ def test_uneven_roughness_makes_a_point_uncertain_along_the_cloth(intrinsics: In
 
 def test_a_point_counts_the_pixels_of_its_nearest_sample(intrinsics: Intrinsics) -> None:
     samples = Samples(np.array([[0, 0], [0, 1], [1.0, 1.0]]), np.array([10, 20]), np.zeros(2))
-    chain = link_samples(samples, GRIPPER_M, step_m=1, max_gap_m=0, min_pixels=1)
+    chain = link_samples(samples, GRIPPER_M, step_m=1, max_gap_m=0, min_pixels=1, jump_m=JUMP_M)
     points = divide_chain(chain, intrinsics, point_count=4, step_m=1, window_m=2)
     assert points.pixels.tolist() == [10, 10, 20, 20]

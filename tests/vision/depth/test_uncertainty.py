@@ -10,6 +10,7 @@ import pytest
 
 from garment_dataset.vision.depth.chain import Chain, Track
 from garment_dataset.vision.depth.cloud import Intrinsics
+from garment_dataset.vision.depth.support import Support
 from garment_dataset.vision.depth.tracking import divide_track
 from garment_dataset.vision.depth.uncertainty import BENT_STD_M, EDGE_STD_M, FOLD_SHARE, ErrorSources, fold_std_m
 
@@ -30,7 +31,7 @@ def chain_of(z_m: FloatArray, pixels: int = 5781) -> Chain:
     down_m, away_m = np.diff(y_m), np.abs(np.diff(z_m))
     arc_m = np.append(0.0, np.cumsum(np.where(away_m > 4 * down_m, down_m + away_m, np.hypot(down_m, away_m))))
     position_m = np.stack([np.zeros(z_m.size), TOP_M[1] + y_m, TOP_M[2] + z_m])
-    return Chain(position_m, arc_m, np.full(z_m.size, pixels), np.full(z_m.size, np.nan), False)
+    return Chain(position_m, arc_m, np.full(z_m.size, pixels), np.full(z_m.size, np.nan), False, Support.full(z_m.size))
 
 
 def std_m(z_m: FloatArray, sources: ErrorSources = EXACT, pixels: int = 5781) -> FloatArray:
