@@ -4,6 +4,7 @@
 >>> Catalog.load().query(garment="GreenTowel", axis="R")  # doctest: +SKIP
 >>> Workspace.find().build("garment=GreenTowel")  # doctest: +SKIP
 >>> load_features("kinematics", garment="GreenTowel", point=[1, 5])  # doctest: +SKIP
+>>> load_motion("GreenTowel_Ruler_01_pi16_0.5_R1").position_m  # doctest: +SKIP
 """
 
 from __future__ import annotations
@@ -13,15 +14,17 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from garment_dataset.catalog import Catalog
+    from garment_dataset.features.motion import load_motion
     from garment_dataset.features.reading import load_features, open_features
     from garment_dataset.workspace import Workspace
 
-__all__ = ["Catalog", "Workspace", "load_features", "open_features"]
+__all__ = ["Catalog", "Workspace", "load_features", "load_motion", "open_features"]
 
 _HOMES = {
     "Catalog": "garment_dataset.catalog",
     "Workspace": "garment_dataset.workspace",
     "load_features": "garment_dataset.features.reading",
+    "load_motion": "garment_dataset.features.motion",
     "open_features": "garment_dataset.features.reading",
 }
 

@@ -1,4 +1,4 @@
-"""Displacement from rest and velocity of the gripper and the points: thesis 5.3.5."""
+"""Displacement from rest, velocity and acceleration of the gripper and the points: thesis 5.3.5."""
 
 from __future__ import annotations
 
@@ -16,37 +16,51 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from garment_dataset.arrays import FloatArray, IntArray
+    from garment_dataset.vision.onset import Onset, OnsetReason, OnsetSettings
+
+
+def _vector(name: str, unit: str, what: str) -> tuple[Column, ...]:
+    """Return the columns of a vector, x, y and z, and those of its standard uncertainties."""
+    suffix = unit.replace("/", "_")
+    sides = (("x", "right"), ("y", "down"), ("z", "forward"))
+    return (
+        *(
+            Column(f"{name}{axis}_{suffix}", "float64", unit, f"{what}, {side}", True, f"{name}{axis}_std_{suffix}")
+            for axis, side in sides
+        ),
+        *(
+            Column(f"{name}{axis}_std_{suffix}", "float64", unit, f"standard uncertainty of {name}{axis}", True)
+            for axis, _ in sides
+        ),
+    )
 
 
 KINEMATICS = TableSpec(
     "kinematics",
-    1,
+    2,
     "one point of one depth frame, the gripper among them",
     (
         FRAME,
         STAMP,
         Column("point", "int32", "1", "number of the point; 0 is the gripper, 1 next to it"),
-        Column("time_s", "float64", "s", "since the gripper began to move; null when it never did", nullable=True),
-        *(
-            Column(f"{axis}_m", "float64", "m", f"depth optical frame, {side}", nullable=True)
-            for axis, side in (("x", "right"), ("y", "down"), ("z", "forward"))
+        Column("time_s", "float64", "s", "since the gripper began to move", True, "time_std_s"),
+        Column("time_std_s", "float64", "s", "standard uncertainty of that beginning: one error for all rows", True),
+        Column(
+            "time_reason",
+            "string",
+            "",
+            "why there is no time, and no displacement: no_gripper, no_rest, no_motion; stamp: it is not later than "
+            "those of images before it",
+            nullable=True,
         ),
-        *(
-            Column(f"d{axis}_m", "float64", "m", f"displacement from rest along {axis}", True, f"d{axis}_std_m")
-            for axis in "xyz"
-        ),
-        *(
-            Column(f"d{axis}_std_m", "float64", "m", f"standard uncertainty of d{axis}", nullable=True)
-            for axis in "xyz"
-        ),
+        *_vector("", "m", "position in the depth optical frame"),
+        *_vector("d", "m", "displacement from rest"),
         Column("velocity_stamp_ns", "int64", "ns", "when the velocity holds: middle of its interval", nullable=True),
-        *(
-            Column(f"v{axis}_m_s", "float64", "m/s", f"velocity along {axis}", True, f"v{axis}_std_m_s")
-            for axis in "xyz"
-        ),
-        *(
-            Column(f"v{axis}_std_m_s", "float64", "m/s", f"standard uncertainty of v{axis}", nullable=True)
-            for axis in "xyz"
+        *_vector("v", "m/s", "velocity"),
+        *_vector("a", "m/s2", "acceleration at the stamp"),
+        Column("pixels", "int32", "1", "number of pixels the point rests on; null for the gripper", nullable=True),
+        Column(
+            "bridged_m", "float64", "m", "length of the bridge it is on, as in points; null: gripper", nullable=True
         ),
         Column("reason", "string", "", "why there is no position; null when there is one", nullable=True),
     ),
@@ -60,8 +74,16 @@ class KinematicsParams(StageParams):
     onset_threshold_m: float = Field(
         default=0.002,
         gt=0,
-        description="distance of the gripper from rest that counts as motion: at 0.03 m/s it is passed within two "
-        "frames, and a position from joint encoders scatters by far less",
+        description="distance of the gripper from rest that counts as motion: a position from joint encoders scatters "
+        "by far less. When it began is told from the rise before and after",
+    )
+    onset_rise_frames: int = Field(
+        default=6, ge=2, description="frames of the rise, from the first that stands out of the noise, that are fitted"
+    )
+    onset_noise_m: float = Field(
+        default=2e-5,
+        gt=0,
+        description="smaller differences of the gripper's position mean nothing: it is interpolated between samples",
     )
     rest_frames: int = Field(default=5, ge=1, description="frames that must show the gripper at rest before it moves")
     lasting_frames: int = Field(
@@ -87,15 +109,29 @@ class KinematicsParams(StageParams):
             raise ValueError("polynomial_frames must be odd and larger than polynomial_degree")
         return self
 
+    def onset_settings(self) -> OnsetSettings:
+        """Return the knobs of the onset."""
+        from garment_dataset.vision.onset import OnsetSettings
+
+        return OnsetSettings(
+            threshold_m=self.onset_threshold_m,
+            rest_frames=self.rest_frames,
+            lasting_frames=self.lasting_frames,
+            rise_frames=self.onset_rise_frames,
+            noise_m=self.onset_noise_m,
+        )
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Tracks:
-    """The gripper as point 0 and the points, in the order of their stamps."""
+    """The gripper as point 0 and the points, in the order of the images."""
 
     frame: IntArray  # (T,)
     stamp_ns: IntArray  # (T,)
     position_m: FloatArray  # (T, P, 3)
     std_m: FloatArray  # (T, P, 3)
+    pixels: FloatArray  # (T, P)
+    bridged_m: FloatArray  # (T, P)
     reasons: list[list[str | None]]  # T lists of P
 
 
@@ -112,99 +148,133 @@ def kinematics(points: pa.Table, gripper: pa.Table, params: KinematicsParams) ->
     Returns
     -------
     dict of str to pyarrow.Table
-        ``kinematics``: for every frame of ``points`` the gripper as point 0, whose uncertainty is not known, and the
-        points. Time and displacement are null when the gripper never moves or its rest was not seen; position and
-        velocity are there all the same.
+        ``kinematics``: for every frame of ``points`` the gripper as point 0 and the points. Time and displacement are
+        null when the gripper never moves or its rest was not seen; position, velocity and acceleration are there all
+        the same. The thesis' method has no acceleration.
 
     Notes
     -----
-    Frames are put in the order of their stamps to be differentiated, and back into the order of the images.
+    A frame whose stamp does not fit in keeps its position alone; all others are as if it were not there.
     """
     import numpy as np
 
-    from garment_dataset.vision.kinematics import displacement, motion_onset
+    from garment_dataset.vision.kinematics import increasing
+    from garment_dataset.vision.onset import find_onset
 
     tracks = _tracks(points, gripper)
-    onset = motion_onset(
-        tracks.position_m[:, 0],
-        threshold_m=params.onset_threshold_m,
-        rest_frames=params.rest_frames,
-        lasting_frames=params.lasting_frames,
-    )
-    if onset is None:
-        time_s = np.full(tracks.frame.size, np.nan)
-        moved_m = moved_std_m = np.full_like(tracks.position_m, np.nan)
-    else:
-        time_s = (tracks.stamp_ns - tracks.stamp_ns[onset]) / 1e9
-        moved_m, moved_std_m = displacement(tracks.position_m, tracks.std_m, onset)
-    velocity_stamp_ns, velocity_m_s, velocity_std_m_s = _velocity(tracks, params)
-
-    order = np.argsort(tracks.frame, kind="stable")
+    kept = np.flatnonzero(increasing(tracks.stamp_ns))
+    onset = find_onset(tracks.stamp_ns[kept], tracks.position_m[kept, 0], params.onset_settings())
     count = tracks.position_m.shape[1]
-
-    def per_frame(values: NDArray[Any]) -> NDArray[Any]:
-        return np.repeat(values[order], count)
-
-    def per_axis(name: str, values: FloatArray) -> dict[str, FloatArray]:
-        return {name.format(axis): values[order, :, i].ravel() for i, axis in enumerate("xyz")}
-
-    unknown = np.isnan(velocity_m_s.sum(axis=2))[order].ravel()
     columns: dict[str, Any] = {
-        "frame": per_frame(tracks.frame),
-        "stamp_ns": per_frame(tracks.stamp_ns),
+        "frame": np.repeat(tracks.frame, count),
+        "stamp_ns": np.repeat(tracks.stamp_ns, count),
         "point": np.tile(np.arange(count), tracks.frame.size),
-        "time_s": per_frame(time_s),
-        **per_axis("{}_m", tracks.position_m),
-        **per_axis("d{}_m", moved_m),
-        **per_axis("d{}_std_m", moved_std_m),
-        "velocity_stamp_ns": np.ma.masked_array(per_frame(velocity_stamp_ns), unknown),
-        **per_axis("v{}_m_s", velocity_m_s),
-        **per_axis("v{}_std_m_s", velocity_std_m_s),
-        "reason": [reason for row in order for reason in tracks.reasons[row]],
+        **_per_axis("", "m", tracks.position_m, tracks.std_m),
+        **_since_onset(tracks, kept, onset),
+        **_derivatives(tracks, kept, params),
+        "pixels": tracks.pixels.ravel(),
+        "bridged_m": tracks.bridged_m.ravel(),
+        "reason": [reason for reasons in tracks.reasons for reason in reasons],
     }
     return {"kinematics": KINEMATICS.table(columns)}
+
+
+def _per_axis(name: str, unit: str, values: FloatArray, std: FloatArray) -> dict[str, FloatArray]:
+    """Return the columns of a vector (T, P, 3) and of its standard uncertainties."""
+    columns = {f"{name}{axis}_{unit}": values[:, :, i].ravel() for i, axis in enumerate("xyz")}
+    return columns | {f"{name}{axis}_std_{unit}": std[:, :, i].ravel() for i, axis in enumerate("xyz")}
+
+
+def _spread(values: NDArray[Any], kept: IntArray, count: int) -> NDArray[Any]:
+    """Return values of the kept frames for all ``count`` frames, NaN elsewhere."""
+    import numpy as np
+
+    spread = np.full((count, *values.shape[1:]), np.nan)
+    spread[kept] = values
+    return spread
 
 
 def _tracks(points: pa.Table, gripper: pa.Table) -> _Tracks:
     import numpy as np
 
     frame, first, row = np.unique(points["frame"].to_numpy(), return_index=True, return_inverse=True)
-    stamp_ns = points["stamp_ns"].to_numpy()[first]
-    order = np.argsort(stamp_ns, kind="stable")
-    frame, stamp_ns, row = frame[order], stamp_ns[order], np.argsort(order)[row]
-
     point = points["point"].to_numpy()
-    count = int(point.max(initial=0)) + 1
-    position_m, std_m = np.full((2, frame.size, count, 3), np.nan)
-    for axis, name in enumerate("xyz"):
-        position_m[row, point, axis] = points[f"{name}_m"].to_numpy()
-        std_m[row, point, axis] = points[f"{name}_std_m"].to_numpy()
-    reasons: list[list[str | None]] = [["no_gripper"] + [None] * (count - 1) for _ in frame]
+    shape = (frame.size, int(point.max(initial=0)) + 1)
+
+    def placed(name: str) -> FloatArray:
+        values = np.full(shape, np.nan)
+        if name in points.column_names:  # a stage in place of `depth_points` may leave some out
+            values[row, point] = points[name].to_numpy()
+        return values
+
+    position_m, std_m = (np.stack([placed(f"{axis}{end}") for axis in "xyz"], axis=-1) for end in ("_m", "_std_m"))
+    reasons: list[list[str | None]] = [["no_gripper"] + [None] * (shape[1] - 1) for _ in frame]
     for index, number, reason in zip(row, point, points["reason"].to_pylist(), strict=True):
         reasons[index][number] = reason
 
     rows = {number: index for index, number in enumerate(frame.tolist())}
-    for held in gripper.select(["stream", "frame", "x_m", "y_m", "z_m", "reason"]).to_pylist():
+    for held in gripper.to_pylist():
         if held["stream"] == "depth" and (index := rows.get(held["frame"])) is not None:
-            position_m[index, 0] = [np.nan if held[name] is None else held[name] for name in ("x_m", "y_m", "z_m")]
+            position_m[index, 0], std_m[index, 0] = (_triple(held, end) for end in ("_m", "_std_m"))
             reasons[index][0] = held["reason"]
-    return _Tracks(frame, stamp_ns, position_m, std_m, reasons)
+    return _Tracks(
+        frame, points["stamp_ns"].to_numpy()[first], position_m, std_m, placed("pixels"), placed("bridged_m"), reasons
+    )
 
 
-def _velocity(tracks: _Tracks, params: KinematicsParams) -> tuple[IntArray, FloatArray, FloatArray]:
-    """Return when velocities hold, the velocities and their standard uncertainties."""
+def _triple(row: dict[str, Any], end: str) -> list[float]:
+    values = (row.get(f"{axis}{end}") for axis in "xyz")
+    return [float("nan") if value is None else value for value in values]
+
+
+def _since_onset(tracks: _Tracks, kept: IntArray, onset: Onset | OnsetReason) -> dict[str, Any]:
+    """Return the columns of time and displacement."""
+    import numpy as np
+
+    from garment_dataset.vision.kinematics import displacement
+
+    frames, count = tracks.position_m.shape[:2]
+    if isinstance(onset, str):
+        time_s = np.full(frames, np.nan)
+        moved_m = moved_std_m = np.full_like(tracks.position_m, np.nan)
+        time_std_s = time_s
+    else:
+        stamp_ns = tracks.stamp_ns[kept]
+        time_s = _spread((stamp_ns - onset.stamp_ns) / 1e9, kept, frames)
+        time_std_s = np.where(np.isnan(time_s), np.nan, onset.std_s)
+        moved = displacement(tracks.position_m[kept], tracks.std_m[kept], stamp_ns < onset.stamp_ns)
+        moved_m, moved_std_m = (_spread(values, kept, frames) for values in moved)
+    reason = onset if isinstance(onset, str) else "stamp"
+    return {
+        "time_s": np.repeat(time_s, count),
+        "time_std_s": np.repeat(time_std_s, count),
+        "time_reason": [reason if missing else None for missing in np.repeat(np.isnan(time_s), count)],
+        **_per_axis("d", "m", moved_m, moved_std_m),
+    }
+
+
+def _derivatives(tracks: _Tracks, kept: IntArray, params: KinematicsParams) -> dict[str, Any]:
+    """Return the columns of velocity and acceleration."""
+    import numpy as np
+
     from garment_dataset.vision.kinematics import differences, local_polynomial
 
+    given = tracks.stamp_ns[kept], tracks.position_m[kept], tracks.std_m[kept]
+    velocity_stamp_ns = tracks.stamp_ns.copy()
     if params.velocity_method == "thesis":
-        return differences(tracks.stamp_ns, tracks.position_m, tracks.std_m)
-    velocity_m_s, velocity_std_m_s = local_polynomial(
-        tracks.stamp_ns,
-        tracks.position_m,
-        tracks.std_m,
-        frames=params.polynomial_frames,
-        degree=params.polynomial_degree,
-    )
-    return tracks.stamp_ns, velocity_m_s, velocity_std_m_s
+        velocity_stamp_ns[kept], *velocity = differences(*given)
+        acceleration = [np.full_like(given[1], np.nan)] * 2
+    else:
+        found = local_polynomial(*given, frames=params.polynomial_frames, degree=params.polynomial_degree)
+        velocity, acceleration = [*found[:2]], [*found[2:]]
+    frames, count = tracks.position_m.shape[:2]
+    velocity, acceleration = ([_spread(values, kept, frames) for values in pair] for pair in (velocity, acceleration))
+    unknown = np.isnan(velocity[0].sum(axis=2)).ravel()
+    return {
+        "velocity_stamp_ns": np.ma.masked_array(np.repeat(velocity_stamp_ns, count), unknown),
+        **_per_axis("v", "m_s", *velocity),
+        **_per_axis("a", "m_s2", *acceleration),
+    }
 
 
 STAGE = Stage(kinematics, params=KinematicsParams, outputs=(KINEMATICS,))

@@ -11,7 +11,7 @@ from garment_dataset.engine.stage import StageParams
 from garment_dataset.engine.table import Column
 from garment_dataset.errors import StageError
 
-__all__ = ["GROUP_IDENTITY", "IDENTITY", "PARTITIONS", "REPEATS", "Group", "Per", "Stage", "StageParams"]
+__all__ = ["ABOUT", "GROUP_IDENTITY", "IDENTITY", "PARTITIONS", "REPEATS", "Group", "Per", "Stage", "StageParams"]
 
 PARTITIONS = ("garment", "holding")
 """Keys in the paths of all results but those of a camera position."""
@@ -33,6 +33,16 @@ IDENTITY = (
 
 GROUP_IDENTITY = (Column("group", "string", "", "the recordings that were taken together"), _AXIS, _SPEED, _SWING)
 """The columns that tables of a group begin with; what its recordings do not share is null."""
+
+ABOUT = {
+    column.name: column
+    for column in (
+        Column("width_m", "float64", "m", "of the garment, as garments.csv says; null: not known", nullable=True),
+        Column("height_m", "float64", "m", "of the garment, as garments.csv says; null: not known", nullable=True),
+        Column("weight_kg", "float64", "kg", "of the garment, as garments.csv says; null: not known", nullable=True),
+    )
+}
+"""Further columns of the catalog that a stage of a recording may have put in front of its tables."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -80,18 +90,26 @@ class Stage(EngineStage):
         What one run covers. ``position``: its bag, and the tables of recordings, are those of the bag that shows the
         empty scene of a camera position. A group: tables of recordings come as a dict, by the recordings' names in
         alphabetical order; tables of the same groups come as they are.
+    about : tuple of str
+        Names among :data:`ABOUT`: columns of the catalog that stand behind the identity columns, null for an empty
+        scene. A change of their values in the catalog is a reason to run the stage again.
 
     Raises
     ------
     StageError
         If ``per`` is none of these, the function takes no parameters, an output has a column that stands in the path
-        or is put in front of every table, or a stage of a group takes a bag, or no table.
+        or is put in front of every table, a stage of a group takes a bag, or no table, or ``about`` names no such
+        column or is not of a recording.
     """
 
     sources: frozenset[str] = frozenset({"bag"})
     per: Per = "recording"
+    about: tuple[str, ...] = ()
 
     def __post_init__(self) -> None:
+        if self.about and (self.per != "recording" or not ABOUT.keys() >= {*self.about}):
+            expected = f"of a stage per recording, among {', '.join(ABOUT)}"
+            raise StageError("`about` is not understood", where=self.name, expected=expected, found=self.about)
         if self.per not in {"recording", "position"} and not isinstance(self.per, Group):
             raise StageError(
                 "`per` is not understood", where=self.name, expected="recording, position or a Group", found=self.per
@@ -115,7 +133,7 @@ class Stage(EngineStage):
     @property
     def identity(self) -> tuple[Column, ...]:
         """The columns that say whose rows its tables hold."""
-        return GROUP_IDENTITY if isinstance(self.per, Group) else IDENTITY
+        return GROUP_IDENTITY if isinstance(self.per, Group) else (*IDENTITY, *(ABOUT[name] for name in self.about))
 
     @property
     def partitions(self) -> tuple[str, ...]:

@@ -1,4 +1,4 @@
-"""Onset of motion, displacement from rest and velocity of tracked points: thesis 5.3.5.
+"""Displacement from rest, velocity and acceleration of tracked points: thesis 5.3.5.
 
 Positions are ``(T, P, 3)`` float64 in metres, NaN where a point was not found; stamps are ``(T,)`` int64 nanoseconds,
 ascending. Stamps are only subtracted as integers: a float64 cannot hold nanoseconds since 1970.
@@ -6,7 +6,9 @@ ascending. Stamps are only subtracted as integers: a float64 cannot hold nanosec
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from bisect import bisect_left
+from math import factorial
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
@@ -17,50 +19,44 @@ MEDIAN_STD = 1.2533
 """Standard deviation of a median over that of a mean, of many normal values: sqrt(pi / 2)."""
 
 
-def motion_onset(position_m: FloatArray, *, threshold_m: float, rest_frames: int, lasting_frames: int) -> int | None:
-    """Find the frame at which a path leaves its rest.
+def increasing(stamp_ns: IntArray) -> BoolArray:
+    """Say which stamps to keep so that they rise: as many as can be, of two that exclude each other the first.
 
     Parameters
     ----------
-    position_m : (T, 3) float64
-        Path of the gripper; frames with NaN are passed over.
-    threshold_m : float
-        Distance from rest that counts as motion.
-    rest_frames : int
-        The rest is the median position of so many frames from the first.
-    lasting_frames : int
-        So many frames in a row have to be farther from rest than the threshold: one wrong position is no motion.
+    stamp_ns : (T,) int64
+        In the order in which the frames came.
 
     Returns
     -------
-    int or None
-        Index of the first of the lasting frames. None without motion, or when the path leaves before ``rest_frames``
-        frames have passed: then its rest was not seen.
-
-    Notes
-    -----
-    The onset is late by the time that the path needs to reach the threshold, by less than one frame more, and never
-    early. A path that drifts by less than the threshold within ``rest_frames`` frames is taken to rest.
+    (T,) bool
+        The longest strictly rising subsequence: one wrong stamp takes none with it.
     """
-    found = np.flatnonzero(_found(position_m))
-    if found.size < rest_frames + lasting_frames:
-        return None
-    path_m = position_m[found]
-    away = np.linalg.norm(path_m - np.median(path_m[:rest_frames], axis=0), axis=1) > threshold_m
-    lasting = np.convolve(away, np.ones(lasting_frames), mode="valid") >= lasting_frames
-    first = int(lasting.argmax())
-    return int(found[first]) if lasting[first] and first >= rest_frames else None
+    stamps = stamp_ns.tolist()
+    lowest: list[int] = []  # last stamp of a rising subsequence of each length, as low as can be
+    length = np.zeros(len(stamps), np.int64)
+    for index, stamp in enumerate(stamps):
+        place = bisect_left(lowest, stamp)
+        lowest[place : place + 1] = [stamp]
+        length[index] = place + 1
+    kept = np.zeros(len(stamps), np.bool_)
+    after, end = None, len(stamps)
+    for wanted in range(len(lowest), 0, -1):
+        fitting = np.flatnonzero(length[:end] == wanted)
+        end = next(int(index) for index in fitting if after is None or stamps[index] < after)
+        after, kept[end] = stamps[end], True
+    return kept
 
 
-def displacement(position_m: FloatArray, std_m: FloatArray, onset: int) -> tuple[FloatArray, FloatArray]:
-    """Subtract the rest position: the median of the frames before the onset.
+def displacement(position_m: FloatArray, std_m: FloatArray, at_rest: BoolArray) -> tuple[FloatArray, FloatArray]:
+    """Subtract the rest position: the median of the frames at rest.
 
     Parameters
     ----------
     position_m, std_m : (T, P, 3) float64
         Positions and their standard uncertainties; an uncertainty of NaN means unknown.
-    onset : int
-        First frame in motion, from :func:`motion_onset`.
+    at_rest : (T,) bool
+        Frames before the onset.
 
     Returns
     -------
@@ -73,12 +69,12 @@ def displacement(position_m: FloatArray, std_m: FloatArray, onset: int) -> tuple
     standard uncertainty is rather too large.
     """
     rest_m, rest_std_m = np.full(position_m.shape[1:], np.nan), np.full(position_m.shape[1:], np.nan)
-    seen = _found(position_m[:onset])
+    seen = _found(position_m) & at_rest[:, None]
     for point in np.flatnonzero(seen.any(axis=0)):
-        at_rest = np.flatnonzero(seen[:, point])
-        rest_m[point] = np.median(position_m[at_rest, point], axis=0)
-        mean_variance = (std_m[at_rest, point] ** 2).mean(axis=0) / at_rest.size
-        rest_std_m[point] = np.sqrt(mean_variance) * (MEDIAN_STD if at_rest.size > 2 else 1)
+        frames = np.flatnonzero(seen[:, point])
+        rest_m[point] = np.median(position_m[frames, point], axis=0)
+        mean_variance = (std_m[frames, point] ** 2).mean(axis=0) / frames.size
+        rest_std_m[point] = np.sqrt(mean_variance) * (MEDIAN_STD if frames.size > 2 else 1)
     return position_m - rest_m, np.hypot(std_m, rest_std_m)
 
 
@@ -90,7 +86,7 @@ def differences(
     Parameters
     ----------
     stamp_ns : (T,) int64
-        Ascending.
+        Ascending, all different.
     position_m, std_m : (T, P, 3) float64
         Positions and their standard uncertainties.
 
@@ -99,73 +95,83 @@ def differences(
     velocity_stamp_ns : (T,) int64
         Middle between a frame and the next, where the difference is the velocity up to second order.
     velocity_m_s, velocity_std_m_s : (T, P, 3) float64
-        NaN in the last frame, where either position is NaN, and between equal stamps.
+        NaN in the last frame, and where either position is NaN.
     """
     interval_ns = np.diff(stamp_ns, append=stamp_ns[-1:])
-    interval_s = np.where(interval_ns > 0, interval_ns / 1e9, np.nan)[:, None, None]
+    interval_s = np.where(interval_ns > 0, interval_ns / 1e9, np.nan)[:, None, None]  # the last has no next
     after = np.minimum(np.arange(stamp_ns.size) + 1, stamp_ns.size - 1)
     velocity_m_s = (position_m[after] - position_m) / interval_s
     return stamp_ns + interval_ns // 2, velocity_m_s, np.hypot(std_m[after], std_m) / interval_s
 
 
+class Derivatives(NamedTuple):
+    """What a local polynomial says, with standard uncertainties; all (T, P, 3) float64."""
+
+    velocity_m_s: FloatArray
+    velocity_std_m_s: FloatArray
+    acceleration_m_s2: FloatArray
+    acceleration_std_m_s2: FloatArray
+
+
 def local_polynomial(
     stamp_ns: IntArray, position_m: FloatArray, std_m: FloatArray, *, frames: int, degree: int
-) -> tuple[FloatArray, FloatArray]:
-    r"""Fit a polynomial in the true stamps around every frame, and take its slope there.
+) -> Derivatives:
+    r"""Fit a polynomial in the true stamps around every frame, and take its first two derivatives there.
 
     Parameters
     ----------
     stamp_ns : (T,) int64
-        Ascending; of frames with one stamp only the first is used.
+        Ascending, all different.
     position_m, std_m : (T, P, 3) float64
         Positions and their standard uncertainties.
     frames : int
         Odd number of frames that a fit is made of. The frame itself is in their middle, except near the ends.
     degree : int
-        Of the polynomial; motion that is such a polynomial gets its exact velocity.
+        Of the polynomial; motion that is such a polynomial gets its exact velocity and acceleration. That of a line
+        is not known: NaN.
 
     Returns
     -------
-    velocity_m_s, velocity_std_m_s : (T, P, 3) float64
+    Derivatives
         NaN where the position is, and where fewer than ``degree + 1`` positions are left around the frame.
 
     Notes
     -----
-    Least squares, unweighted, on :math:`\tau = (t_k - t_i) / T` with T the half width of the fit: the slope is
-    :math:`\sum_k c_k p_k` with :math:`c = (A^T A)^{-1}_{1,:} A^T / T`, its variance :math:`\sum_k c_k^2 \sigma_k^2`.
-    Where the positions scatter more about the polynomial than they should, as where a fold passes, the variance is
-    :math:`s^2 \sum_k c_k^2` instead, with :math:`s^2` the sum of squared residuals over the degrees of freedom (Birge,
-    1932).
+    Least squares, unweighted, on :math:`\tau = (t_k - t_i) / T` with T the half width of the fit: derivative n is
+    :math:`\sum_k c_k p_k` with :math:`c = n! (A^T A)^{-1}_{n,:} A^T / T^n`, its variance
+    :math:`\sum_k c_k^2 \sigma_k^2`. Where the positions scatter more about the polynomial than they should, as where a
+    fold passes, the variance is :math:`s^2 \sum_k c_k^2` instead, with :math:`s^2` the sum of squared residuals over
+    the degrees of freedom (Birge, 1932). Errors are taken as independent from frame to frame.
     """
-    fresh = np.diff(stamp_ns, prepend=stamp_ns[:1] - 1) > 0
     found = _found(position_m)
     first = np.clip(np.arange(stamp_ns.size) - frames // 2, 0, max(stamp_ns.size - frames, 0))
     neighbour = first[:, None] + np.arange(min(frames, stamp_ns.size))
-    used = fresh[neighbour][:, :, None] & found[neighbour]
-    elapsed_s = (stamp_ns[neighbour] - stamp_ns[:, None]) / 1e9
-
+    used = found[neighbour]
     frame, point = np.nonzero(found & (used.sum(axis=1) > degree))
     weight = used[frame, :, point]
-    coefficients = _slope_coefficients(elapsed_s[frame], weight.astype(np.float64), degree)[:, :, None]
-    own_m = position_m[frame, point][:, None, :]
+    elapsed_s = ((stamp_ns[neighbour] - stamp_ns[:, None]) / 1e9)[frame]
     others = neighbour[frame], point[:, None]
-    away_m = np.where(weight[:, :, None], position_m[others] - own_m, 0)
-    velocity_m_s, velocity_std_m_s = np.full_like(position_m, np.nan), np.full_like(position_m, np.nan)
-    velocity_m_s[frame, point] = (coefficients * away_m).sum(axis=1)
+    away_m = np.where(weight[:, :, None], position_m[others] - position_m[frame, point][:, None, :], 0)
     others_std_m = np.where(weight[:, :, None], std_m[others], 0)
-    stated = ((coefficients * others_std_m) ** 2).sum(axis=1)
-    seen = (coefficients**2).sum(axis=1) * _scatter_m2(elapsed_s[frame], weight, away_m, degree)
-    velocity_std_m_s[frame, point] = np.sqrt(np.maximum(stated, seen))
-    return velocity_m_s, velocity_std_m_s
+    scatter_m2 = _scatter_m2(elapsed_s, weight, away_m, degree)
+
+    derivatives = Derivatives(*(np.full_like(position_m, np.nan) for _ in range(4)))
+    for order in range(1, min(degree, 2) + 1):
+        coefficients = _coefficients(elapsed_s, weight.astype(np.float64), degree, order)[:, :, None]
+        stated = ((coefficients * others_std_m) ** 2).sum(axis=1)
+        seen = (coefficients**2).sum(axis=1) * scatter_m2
+        derivatives[2 * order - 2][frame, point] = (coefficients * away_m).sum(axis=1)
+        derivatives[2 * order - 1][frame, point] = np.sqrt(np.maximum(stated, seen))
+    return derivatives
 
 
-def _slope_coefficients(elapsed_s: FloatArray, weight: FloatArray, degree: int) -> FloatArray:
-    """Return what each position counts in the slope at time 0 of the fitted polynomial, (K, n) as both inputs."""
+def _coefficients(elapsed_s: FloatArray, weight: FloatArray, degree: int, order: int) -> FloatArray:
+    """Return what each position counts in a derivative at time 0 of the fitted polynomial, (K, n) as both inputs."""
     powers, half_width_s = _powers(elapsed_s, weight, degree)
-    first_derivative = np.zeros((elapsed_s.shape[0], degree + 1, 1))
-    first_derivative[:, 1] = 1
-    inverse_row = np.linalg.solve(powers.transpose(0, 2, 1) @ powers, first_derivative)
-    coefficients: FloatArray = (powers @ inverse_row)[:, :, 0] / half_width_s
+    wanted = np.zeros((elapsed_s.shape[0], degree + 1, 1))
+    wanted[:, order] = factorial(order)
+    inverse_row = np.linalg.solve(powers.transpose(0, 2, 1) @ powers, wanted)
+    coefficients: FloatArray = (powers @ inverse_row)[:, :, 0] / half_width_s**order
     return coefficients
 
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from garment_dataset.vision.kinematics import differences, displacement, local_polynomial, motion_onset
+from garment_dataset.vision.kinematics import differences, displacement, increasing, local_polynomial
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -46,8 +46,11 @@ def test_constant_speed_and_constant_acceleration_are_exact_on_uneven_stamps(
     elapsed_s = ((stamp_ns - stamp_ns[0]) / 1e9)[:, None]
     for quadratic, degree in ((np.zeros(3), 1), (np.array(ACCELERATION_M_S2) / 2, 2)):
         position_m = path(stamp_ns, REST_M, SPEED_M_S, quadratic.tolist())
-        velocity_m_s, _ = local_polynomial(stamp_ns, position_m, np.ones_like(position_m), frames=frames, degree=degree)
-        np.testing.assert_allclose(velocity_m_s[:, 0], SPEED_M_S + 2 * quadratic * elapsed_s, rtol=0, atol=1e-9)
+        found = local_polynomial(stamp_ns, position_m, np.ones_like(position_m), frames=frames, degree=degree)
+        expected = SPEED_M_S + 2 * quadratic * elapsed_s
+        np.testing.assert_allclose(found.velocity_m_s[:, 0], expected, rtol=0, atol=1e-9)
+        acceleration = np.full((count, 3), np.nan) if degree == 1 else np.tile(2 * quadratic, (count, 1))
+        np.testing.assert_allclose(found.acceleration_m_s2[:, 0], acceleration, rtol=0, atol=1e-6)
 
 
 @given(
@@ -61,7 +64,7 @@ def test_a_polynomial_of_the_same_degree_is_exact_with_frames_missing(
     stamp_ns = uneven_stamps_ns(30)
     position_m = path(stamp_ns, *([value] * 3 for value in coefficients[: degree + 1]))
     position_m[list(missing)] = np.nan
-    velocity_m_s, std_m_s = local_polynomial(
+    velocity_m_s, std_m_s, acceleration_m_s2, _ = local_polynomial(
         stamp_ns, position_m, np.ones_like(position_m), frames=2 * degree + 3, degree=degree
     )
     elapsed_s = (stamp_ns - stamp_ns[0]) / 1e9
@@ -70,16 +73,19 @@ def test_a_polynomial_of_the_same_degree_is_exact_with_frames_missing(
     assert not found[list(missing)].any()
     np.testing.assert_array_equal(np.isfinite(std_m_s[:, 0, 0]), found)
     np.testing.assert_allclose(velocity_m_s[found, 0, 0], np.asarray(expected)[found], rtol=1e-6, atol=1e-6)
+    if degree > 1:
+        second = sum(k * (k - 1) * coefficients[k] * elapsed_s ** (k - 2) for k in range(2, degree + 1))
+        np.testing.assert_allclose(acceleration_m_s2[found, 0, 0], np.asarray(second)[found], rtol=1e-4, atol=1e-4)
 
 
 def test_a_fit_needs_enough_positions_around_it() -> None:
     stamp_ns = uneven_stamps_ns(9)
     position_m = path(stamp_ns, REST_M, SPEED_M_S)
     position_m[[1, 3, 7, 8]] = np.nan
-    velocity_m_s, _ = local_polynomial(stamp_ns, position_m, position_m, frames=5, degree=2)
+    velocity_m_s, *_ = local_polynomial(stamp_ns, position_m, position_m, frames=5, degree=2)
     # Frames left: 0 2 4 5 6. In 0 to 4, for 0 and 2: 0 2 4. In 2 to 6: 2 4 5 6. In 4 to 8, for 6: 4 5 6.
     assert np.flatnonzero(np.isfinite(velocity_m_s[:, 0, 0])).tolist() == [0, 2, 4, 5, 6]
-    velocity_m_s, _ = local_polynomial(stamp_ns, position_m, position_m, frames=3, degree=2)
+    velocity_m_s, *_ = local_polynomial(stamp_ns, position_m, position_m, frames=3, degree=2)
     assert np.flatnonzero(np.isfinite(velocity_m_s[:, 0, 0])).tolist() == [5]
 
 
@@ -87,21 +93,29 @@ def test_points_do_not_touch_each_other() -> None:
     stamp_ns = uneven_stamps_ns(12)
     both_m = np.concatenate([path(stamp_ns, REST_M, SPEED_M_S), path(stamp_ns, SPEED_M_S, REST_M)], axis=1)
     both_m[4, 1] = np.nan
-    both, both_std = local_polynomial(stamp_ns, both_m, np.abs(both_m), frames=5, degree=2)
+    both = local_polynomial(stamp_ns, both_m, np.abs(both_m), frames=5, degree=2)
     for point in range(2):
         one_m = both_m[:, [point]]
-        one, one_std = local_polynomial(stamp_ns, one_m, np.abs(one_m), frames=5, degree=2)
-        np.testing.assert_array_equal(both[:, [point]], one)
-        np.testing.assert_array_equal(both_std[:, [point]], one_std)
+        one = local_polynomial(stamp_ns, one_m, np.abs(one_m), frames=5, degree=2)
+        for together, alone in zip(both, one, strict=True):
+            np.testing.assert_array_equal(together[:, [point]], alone)
 
 
 def test_uncertainty_of_a_slope_is_the_textbook_one() -> None:
     """Of five positions 1/30 s apart a line or parabola has slope (-2 -1 0 1 2)/10: its variance is 1/10."""
     stamp_ns = START_NS + 33_333_333 * np.arange(9)
     position_m = np.zeros((9, 1, 3))
-    _, std_m_s = local_polynomial(stamp_ns, position_m, np.full_like(position_m, 0.001), frames=5, degree=2)
+    _, std_m_s, *_ = local_polynomial(stamp_ns, position_m, np.full_like(position_m, 0.001), frames=5, degree=2)
     np.testing.assert_allclose(std_m_s[2:-2], 0.001 / np.sqrt(10) / 0.033333333)
     assert (std_m_s[[0, -1]] > std_m_s[2]).all()
+
+
+def test_uncertainty_of_an_acceleration_is_the_textbook_one() -> None:
+    """Of five positions a step apart the parabola has acceleration (2 -1 -2 -1 2)/7 per step²: its variance is 2/7."""
+    stamp_ns = START_NS + 33_333_333 * np.arange(9)
+    position_m = np.zeros((9, 1, 3))
+    found = local_polynomial(stamp_ns, position_m, np.full_like(position_m, 0.001), frames=5, degree=2)
+    np.testing.assert_allclose(found.acceleration_std_m_s2[2:-2], 0.001 * np.sqrt(2 / 7) / 0.033333333**2)
 
 
 def test_positions_that_scatter_more_than_they_say_make_a_slope_uncertain() -> None:
@@ -109,7 +123,7 @@ def test_positions_that_scatter_more_than_they_say_make_a_slope_uncertain() -> N
     stamp_ns = START_NS + 33_333_333 * np.arange(9)
     position_m = np.zeros((9, 1, 3))
     position_m[5:] = 0.01
-    _, std_m_s = local_polynomial(stamp_ns, position_m, np.full_like(position_m, 0.001), frames=5, degree=1)
+    _, std_m_s, *_ = local_polynomial(stamp_ns, position_m, np.full_like(position_m, 0.001), frames=5, degree=1)
     away_m = position_m[2:7, 0, 0]
     line = np.polynomial.Polynomial.fit(np.arange(5), away_m, 1)
     scatter_m = np.sqrt(((away_m - line(np.arange(5))) ** 2).sum() / 3)
@@ -122,21 +136,30 @@ def test_an_unknown_uncertainty_stays_unknown_and_spoils_no_velocity() -> None:
     position_m = path(stamp_ns, REST_M, SPEED_M_S)
     unknown_m = np.full_like(position_m, np.nan)
     for velocity_m_s, std_m_s in (
-        local_polynomial(stamp_ns, position_m, unknown_m, frames=5, degree=2),
+        local_polynomial(stamp_ns, position_m, unknown_m, frames=5, degree=2)[:2],
+        local_polynomial(stamp_ns, position_m, unknown_m, frames=5, degree=2)[2:],
         differences(stamp_ns, position_m, unknown_m)[1:],
     ):
         assert np.isfinite(velocity_m_s[:-1]).all()
         assert np.isnan(std_m_s).all()
 
 
-def test_of_two_frames_with_one_stamp_the_first_counts() -> None:
-    stamp_ns = uneven_stamps_ns(9)
-    position_m = path(stamp_ns, REST_M, SPEED_M_S)
-    stamp_ns, position_m = np.insert(stamp_ns, 4, stamp_ns[4]), np.insert(position_m, 5, 99.0, axis=0)
-    velocity_m_s, _ = local_polynomial(stamp_ns, position_m, position_m, frames=5, degree=1)
-    np.testing.assert_allclose(np.delete(velocity_m_s[:, 0], 5, axis=0), np.tile(SPEED_M_S, (9, 1)), atol=1e-9)
-    _, by_difference, _ = differences(stamp_ns, position_m, position_m)
-    assert np.isnan(by_difference[4]).all()
+@given(wrong=st.dictionaries(st.integers(0, 29), st.integers(-5, 5), max_size=4))
+def test_wrong_stamps_take_no_others_with_them(wrong: dict[int, int]) -> None:
+    """Stamps of frames 100 ns apart, some replaced by multiples of 1000: these alone are left out, or they fit in."""
+    stamp_ns = 100 * np.arange(30) + START_NS
+    for index, thousands in wrong.items():
+        stamp_ns[index] = START_NS + 1000 * thousands + 1
+    kept = increasing(stamp_ns)
+    assert (np.diff(stamp_ns[kept]) > 0).all()
+    assert kept.sum() >= 30 - len(wrong)
+
+
+def test_of_stamps_that_exclude_each_other_the_first_is_kept() -> None:
+    assert increasing(np.array([0, 33, 33, 66])).tolist() == [True, True, False, True]
+    assert increasing(np.array([0, 33, 20, 66])).tolist() == [True, True, False, True]
+    assert increasing(np.array([0, 33, 500, 100, 133])).tolist() == [True, True, False, True, True]
+    assert increasing(np.array([], np.int64)).tolist() == []
 
 
 def test_differences_hold_at_the_middle_of_their_stamps() -> None:
@@ -164,13 +187,14 @@ def test_velocity_and_displacement_know_no_epoch_and_no_origin(shift_ns: int, of
     stamp_ns = uneven_stamps_ns(15)
     position_m = path(stamp_ns, REST_M, SPEED_M_S, ACCELERATION_M_S2, [9.0, -8.0, 7.0])
     std_m = np.full_like(position_m, 0.001)
-    here, _ = local_polynomial(stamp_ns, position_m, std_m, frames=5, degree=2)
-    later, _ = local_polynomial(stamp_ns + shift_ns, position_m, std_m, frames=5, degree=2)
+    here, *_ = local_polynomial(stamp_ns, position_m, std_m, frames=5, degree=2)
+    later, *_ = local_polynomial(stamp_ns + shift_ns, position_m, std_m, frames=5, degree=2)
     np.testing.assert_array_equal(here, later)
-    there, _ = local_polynomial(stamp_ns, position_m + offset_m, std_m, frames=5, degree=2)
+    there, *_ = local_polynomial(stamp_ns, position_m + offset_m, std_m, frames=5, degree=2)
     np.testing.assert_allclose(there, here, atol=1e-10)
+    at_rest = np.arange(15) < 5
     np.testing.assert_allclose(
-        displacement(position_m + offset_m, std_m, 5)[0], displacement(position_m, std_m, 5)[0], atol=1e-12
+        displacement(position_m + offset_m, std_m, at_rest)[0], displacement(position_m, std_m, at_rest)[0], atol=1e-12
     )
 
 
@@ -180,46 +204,12 @@ def test_no_frames_no_velocities(velocity: Callable[..., tuple[FloatArray, ...]]
     assert velocity(np.empty(0, np.int64), nothing, nothing)[-1].shape == (0, 2, 3)
 
 
-def onset_of(distance_m: list[float], **knobs: int) -> int | None:
-    """Return the onset along a path at these distances from its start, in a direction with all three coordinates."""
-    position_m = np.array(REST_M) + np.array(distance_m)[:, None] * np.array([2, -1, 2]) / 3
-    settings = {"rest_frames": 3, "lasting_frames": 2} | knobs
-    return motion_onset(position_m, threshold_m=0.002, **settings)
-
-
-def test_onset_is_the_first_frame_beyond_the_threshold() -> None:
-    assert onset_of([0, 0, 0, 0, 0.0019, 0.0021, 0.01, 0.02]) == 5
-    assert onset_of([0, 0, 0, 0.01, 0.02, 0.01, 0, -0.01, -0.02]) == 3
-
-
-def test_noise_and_one_wrong_position_are_no_motion() -> None:
-    noise_m = np.random.default_rng(0).normal(0, 0.0003, 200)
-    assert onset_of(noise_m.tolist(), rest_frames=5, lasting_frames=3) is None
-    noise_m[100] = 0.5
-    assert onset_of(noise_m.tolist(), rest_frames=5, lasting_frames=3) is None
-    noise_m[150:] += 0.01 * np.arange(1, 51)
-    assert onset_of(noise_m.tolist(), rest_frames=5, lasting_frames=3) == 150
-
-
-def test_motion_from_the_first_frame_has_no_rest() -> None:
-    assert onset_of([0.01 * i for i in range(30)], rest_frames=5) is None
-    assert onset_of([0, 0.01, 0.02, 0.03], rest_frames=3) is None
-    assert onset_of([0, 0]) is None
-    assert onset_of([]) is None
-
-
-def test_unknown_positions_are_passed_over() -> None:
-    nan = float("nan")
-    assert onset_of([nan, 0, 0, nan, 0, 0, 0.01, nan, 0.02]) == 6
-    assert onset_of([nan] * 20) is None
-
-
 def test_displacement_is_from_the_median_at_rest() -> None:
     position_m = np.tile([[0.1, 0.2, 0.3]], (8, 1, 1))
     position_m[1] += 0.5  # an outlier
     position_m[2] = np.nan
     position_m[5:] += [[0.01, 0.02, 0.03]]
-    moved_m, std_m = displacement(position_m, np.full_like(position_m, 0.002), 5)
+    moved_m, std_m = displacement(position_m, np.full_like(position_m, 0.002), np.arange(8) < 5)
     np.testing.assert_allclose(moved_m[[0, 3, 4], 0], np.zeros((3, 3)), atol=1e-15)
     np.testing.assert_allclose(moved_m[5:, 0], np.tile([0.01, 0.02, 0.03], (3, 1)))
     assert np.isnan(moved_m[2]).all()
@@ -229,7 +219,7 @@ def test_displacement_is_from_the_median_at_rest() -> None:
 def test_a_point_never_seen_at_rest_has_no_displacement() -> None:
     position_m = np.ones((6, 2, 3))
     position_m[:3, 1] = np.nan
-    moved_m, std_m = displacement(position_m, np.ones_like(position_m), 3)
+    moved_m, std_m = displacement(position_m, np.ones_like(position_m), np.arange(6) < 3)
     assert np.isfinite(moved_m[:, 0]).all()
     assert np.isnan(moved_m[:, 1]).all()
     assert np.isnan(std_m[:, 1]).all()
