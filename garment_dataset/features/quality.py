@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from garment_dataset.features.reading import load_features, variant_folder
+from garment_dataset.features.reading import open_features, variant_folder
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
-
-    import pandas as pd
 
 QUALITY_KEYS: Mapping[str, type[str | float]] = {"quality": str, "coverage": float, "bridged": float, "noise_m": float}
 """What recordings can be filtered by once they were built."""
@@ -51,21 +49,24 @@ def read_quality(folder: Path, variant: str = "") -> dict[str, RecordingQuality]
     """Return what the table ``quality`` says of every recording that was built; nothing where there is none."""
     if not (variant_folder(folder, variant) / "quality").is_dir():
         return {}
-    rows = load_features("quality", folder=folder, variant=variant)
-    return {str(name): _summary(own) for name, own in rows.groupby("recording", sort=True)}
+    # not by load_features: `garment list` does without pandas
+    columns = ["recording", "stage", "verdict", "why", "coverage", "bridged", "noise_m"]
+    found: dict[str, list[dict[str, Any]]] = {}
+    for row in open_features("quality", folder=folder, variant=variant).to_table(columns).to_pylist():
+        found.setdefault(row["recording"], []).append(row)
+    return {name: _summary(rows) for name, rows in sorted(found.items())}
 
 
-def _summary(rows: pd.DataFrame) -> RecordingQuality:
-    values = rows[rows["stage"].isin(_VALUES)]
-    why = tuple(f"{stage}: {text}" for stage, texts in zip(rows["stage"], rows["why"], strict=True) for text in texts)
+def _summary(rows: Sequence[Mapping[str, Any]]) -> RecordingQuality:
+    values = [row for row in rows if row["stage"] in _VALUES]
     return RecordingQuality(
-        max(rows["verdict"], key=_ORDER.index),
-        _known(values["coverage"].min()),
-        _known(values["bridged"].max()),
-        _known(rows["noise_m"].max()),
-        why,
+        max((row["verdict"] for row in rows), key=_ORDER.index),
+        min(_known(values, "coverage"), default=None),
+        max(_known(values, "bridged"), default=None),
+        max(_known(rows, "noise_m"), default=None),
+        tuple(f"{row['stage']}: {text}" for row in rows for text in row["why"]),
     )
 
 
-def _known(value: float) -> float | None:
-    return None if value != value else float(value)  # noqa: PLR0124 - NaN
+def _known(rows: Sequence[Mapping[str, Any]], name: str) -> list[float]:
+    return [row[name] for row in rows if row[name] is not None]
