@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from garment_dataset.cli.output import say
+from garment_dataset.cli.status import QUALITY_STAGE
 from garment_dataset.engine.events import Ending
 
 if TYPE_CHECKING:
@@ -49,7 +50,7 @@ def line(event: Event) -> str:
     if event.is_repeated:
         text += " (as before; `garment build --failed` tries again)"
     # what the stage quality says is said once more, of all recordings, at the end
-    notes = event.notes if event.ending is Ending.BUILT and event.node.stage != "quality" else ()
+    notes = event.notes if event.ending is Ending.BUILT and event.node.stage != QUALITY_STAGE else ()
     return "\n".join([text, *(f"        note: {note}" for note in notes)])
 
 

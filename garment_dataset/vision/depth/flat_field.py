@@ -37,7 +37,6 @@ White noise smoothed by a Gaussian of 3 px, as simulated, has 4 pi 3^2 px to a b
 
 _LEVELS = 1053
 _MIN_ON_LADDER = 0.99
-_NEAREST_PLANE_PER_M = 2.0
 _PLANE_HALF_THICKNESS = 4 * LEVEL_SPACING_PER_M
 _MIN_COLUMNS = 150
 _MIN_ROWS = 20
