@@ -7,8 +7,10 @@ from __future__ import annotations
 
 from garment_dataset.engine.errors import (
     DataWarning,
+    LockedError,
     SourceError,
     StageError,
+    StorageError,
     StoreError,
     TableError,
     UntraceableCodeError,
@@ -21,6 +23,7 @@ __all__ = [
     "DataWarning",
     "FilterError",
     "GarmentError",
+    "LockedError",
     "MessageError",
     "MissingExtraError",
     "PictureError",
@@ -28,6 +31,7 @@ __all__ = [
     "RecordingNameError",
     "SourceError",
     "StageError",
+    "StorageError",
     "StoreError",
     "TableError",
     "TransformError",

@@ -7,7 +7,20 @@ import warnings
 
 import typer
 
-from garment_dataset.cli import build, catalog, diff, mask, new, score, show, simulate, status, workspace
+from garment_dataset.cli import (
+    build,
+    catalog,
+    diff,
+    history,
+    mask,
+    new,
+    score,
+    show,
+    simulate,
+    status,
+    storage,
+    workspace,
+)
 from garment_dataset.cli.output import say, show_warning
 from garment_dataset.errors import GarmentError
 
@@ -27,6 +40,10 @@ app.command("build")(build.build)
 app.command("status")(status.status)
 app.command("why")(status.why)
 app.command("dag")(status.dag)
+app.command("verify")(storage.verify)
+app.command("gc")(storage.gc)
+app.command("accept")(history.accept)
+app.command("log")(history.log)
 app.command("diff")(diff.diff)
 app.command("mask")(mask.mask)
 app.command("simulate")(simulate.simulate)
@@ -42,3 +59,9 @@ def main() -> None:
     except GarmentError as error:
         say(f"garment: {error}")
         sys.exit(error.exit_code)
+    except OSError as error:
+        if error.errno is None or error.filename is None:
+            raise
+        # whatever was being done, it is the disk or the permissions that a person has to look at
+        say(f"garment: {error.filename}: {error.strerror}")
+        sys.exit(1)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -15,11 +16,12 @@ from garment_dataset.cli.status import (
     recordings_text,
     results_text,
     say_left_out,
+    say_orphans,
     say_partial,
     say_quality,
     show_plan,
 )
-from garment_dataset.errors import UsageError
+from garment_dataset.errors import StorageError, UsageError
 
 if TYPE_CHECKING:
     from garment_dataset.engine.events import Report
@@ -44,31 +46,39 @@ def build(
     rehash: Annotated[
         bool, typer.Option("--rehash", help="Read the bags' content anew, whatever size and time say.")
     ] = False,
+    no_wait: Annotated[
+        bool, typer.Option("--no-wait", help="Do not wait for another build of this workspace; exit 4.")
+    ] = False,
     workspace: WorkspaceOption = None,
     as_json: JsonOption = False,
 ) -> None:
     """Build what is missing or stale, and nothing else."""
     with open_session(workspace, filters or (), stage or ()) as session:
-        if rehash:
-            session.forget_digests()
         plan = session.plan()
         _refuse_nothing(session, plan)
         if dry_run:
             show_plan(plan, session, as_json=as_json)
             return
-        if {decision.state.value for decision in plan} <= {"fresh", "blocked"} and not force:
-            _say_idle(plan, session, as_json=as_json)
+        is_idle = {decision.state.value for decision in plan} <= {"fresh", "blocked"}
+        if is_idle and not force and not rehash:
+            _finish_idle(plan, session, as_json=as_json)
             return
         from garment_dataset.cli.progress import progress
+        from garment_dataset.workspace import building
 
         open_nodes = [decision for decision in plan if force or decision.state != "fresh"]
-        try:
-            with progress(len(open_nodes)) as tell:
-                report = session.run(plan, jobs=jobs, retry_failed=failed, forced=force, emit=tell)
-        except KeyboardInterrupt:
-            say("garment: interrupted; what was finished is kept, `garment build` goes on from there")
-            raise typer.Exit(130) from None
-    _summarise(report, session, as_json=as_json)
+        with progress(len(open_nodes)) as tell:
+            report = building.build(
+                session,
+                jobs=jobs,
+                retry_failed=failed,
+                forced=force,
+                rehash=rehash,
+                wait=not no_wait,
+                emit=tell,
+                tell=lambda text: say(f"garment: {text}"),
+            )
+        _summarise(report, session, as_json=as_json)
 
 
 def _refuse_nothing(session: Session, plan: Plan) -> None:
@@ -85,8 +95,17 @@ def _refuse_nothing(session: Session, plan: Plan) -> None:
     )
 
 
-def _say_idle(plan: Plan, session: Session, *, as_json: bool) -> None:
-    """Say that nothing is to be run: without the parts of the engine that run something."""
+def _finish_idle(plan: Plan, session: Session, *, as_json: bool) -> None:
+    """Say that nothing is to be run: without the parts of the engine that run something.
+
+    A build that was killed may have left out what comes last, so that is looked at all the same.
+    """
+    from garment_dataset.workspace.building import describe_tables, note_orphans
+
+    if session.layout.features_dir.is_dir():
+        with contextlib.suppress(StorageError):  # somebody who may only read has nothing to do, too
+            describe_tables(session)
+            note_orphans(session)
     counts = {state.value: count for state, count in plan.counts().items() if count}
     if as_json:
         print_json({"counts": counts, "events": []})
@@ -96,6 +115,7 @@ def _say_idle(plan: Plan, session: Session, *, as_json: bool) -> None:
         _say_blocked(session)
         say("nothing to do: " + ", ".join(f"{count} {state}" for state, count in counts.items()))
     say_left_out(session)
+    say_orphans(session)
     say_quality({decision.node.subject: decision.notes for decision in plan if decision.node.stage == QUALITY_STAGE})
 
 
@@ -129,8 +149,9 @@ def _summarise(report: Report, session: Session, *, as_json: bool) -> None:
     _say_blocked(session)
     say_partial(session)
     say_left_out(session)
+    say_orphans(session)
     say(", ".join(f"{count} {name}" for name, count in counts.items() if count))
-    if report.of(Ending.BUILT) or report.of(Ending.LINKED):
+    if any(report.of(ending) for ending in (Ending.BUILT, Ending.LINKED, Ending.RELABELLED)):
         say(f"results: {session.layout.features_dir}")
     judged = [event for event in report.events.values() if event.node.stage == QUALITY_STAGE]
     say_quality({event.node.subject: event.notes for event in judged})

@@ -86,12 +86,12 @@ def _under(label: str, texts: Sequence[object]) -> list[tuple[str, object]]:
 
 def _results(place: Layout, row: CatalogRow) -> list[tuple[str, object]]:
     """Return what the results say of the recording, stage by stage, if it was built; or why it failed."""
-    from garment_dataset.engine.index import Index
+    from garment_dataset.engine.store import Store
     from garment_dataset.features.reading import load_features
 
-    index = Index(place.private_dir / "index.sqlite")
-    failures = [failure for failure in index.failures().values() if failure.subject == row.recording]
-    index.close()
+    store = Store(place.private_dir, place.features_dir)
+    failures = [failure for failure in store.index.failures().values() if failure.subject == row.recording]
+    store.close()
     facts: list[tuple[str, object]] = [(failure.stage, f"failed: {failure.message}") for failure in failures]
     if not (place.features_dir / "quality").is_dir():
         return facts

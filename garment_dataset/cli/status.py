@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from enum import StrEnum
 from pathlib import Path
@@ -10,10 +11,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, print_json, print_table, say
-from garment_dataset.errors import UsageError
+from garment_dataset.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from garment_dataset.engine.facts import Reason
     from garment_dataset.engine.graph import NodeId
@@ -60,6 +61,7 @@ def why(
     with Session.about(Layout.find(workspace), recording, [stage] if stage else ()) as session:
         decisions = [decision for decision in session.plan() if stage in {None, decision.node.stage}]
         tracebacks = {key: failure.traceback for key, failure in session.store.index.failures().items()}
+        provenances = {one.node: found for one in decisions if (found := _provenance(session, one)) is not None}
         absent = [row.recording for row in session.selection.absent]
     if not decisions:
         raise UsageError(
@@ -69,7 +71,7 @@ def why(
             hint="`garment dag` shows which pipelines there are.",
         )
     if as_json:
-        print_json([_record(decision) for decision in decisions])
+        print_json([_record(decision) | {"provenance": provenances.get(decision.node)} for decision in decisions])
         return
     for decision in decisions:
         print(f"{decision.node}: {_verdict(decision)}")
@@ -77,8 +79,37 @@ def why(
             print(f"    {reason}")
         for note in decision.notes:
             print(f"    note: {note}")
+        for line in _made_from(provenances.get(decision.node, {})):
+            print(f"    {line}")
         if decision.state == "failed" and (trace := tracebacks.get(decision.node)):
             print("    " + trace.rstrip().replace("\n", "\n    "))
+
+
+def _provenance(session: Session, decision: Decision) -> dict[str, Any] | None:
+    """Return what a fresh result's file says of its making."""
+    from garment_dataset.engine.artifacts import read_provenance
+
+    if decision.state != "fresh" or decision.key is None:
+        return None
+    result = session.store.results[decision.key]
+    try:
+        return read_provenance(session.store.table_path(result, next(iter(result.outputs)), decision.node.variant))
+    except StoreError:
+        return None
+
+
+def _made_from(provenance: Mapping[str, Any]) -> Iterator[str]:
+    """Yield what a result was made from, line by line."""
+    if not provenance:
+        return
+    facts = provenance["facts"]
+    yield from (f"parameter {name} = {json.dumps(value)}" for name, value in facts["params"].items())
+    yield f"code {facts['code'][:12]}"
+    for accepted in provenance.get("accepted", []):
+        yield f"    made by code {accepted['code'][:12]}, accepted as equivalent: {accepted['because']}"
+    yield from (f"library {name} {version}" for name, version in facts["libraries"].items())
+    yield from (f"input {name}: {(content or 'left out')[:12]}" for name, content in facts["inputs"].items())
+    yield f"key {provenance['key'][:12]}"
 
 
 class DagForm(StrEnum):
@@ -151,6 +182,7 @@ def show_plan(plan: Plan, session: Session, *, as_json: bool) -> None:
         print(f"{absent} recordings of the catalog have no bag here (`garment list state=missing`)")
     say_partial(session)
     say_left_out(session)
+    say_orphans(session)
     say_quality(
         {decision.node.subject: decision.notes for decision in decisions if decision.node.stage == QUALITY_STAGE}
     )
@@ -209,6 +241,19 @@ def say_left_out(session: Session) -> None:
         say(f"left out: {text} (`garment lint`)")
     if len(left_out) > _SHOWN:
         say(f"left out: {len(left_out) - _SHOWN} more (`garment lint`)")
+
+
+def say_orphans(session: Session) -> None:
+    """Say which files in the features folder nothing asks for any more: whoever reads the folder finds them there."""
+    found = session.orphaned_files()
+    if not found:
+        return
+    names = list(dict.fromkeys((path.stem, why) for path, why in found.items()))
+    for name, why in names[:_SHOWN]:
+        say(f"orphaned: {name}: {why}")
+    if len(names) > _SHOWN:
+        say(f"orphaned: ... and {len(names) - _SHOWN} more")
+    say(f"{_count(len(found), 'orphaned file')} in {session.layout.features_dir}: `garment gc` lists and removes them")
 
 
 def say_partial(session: Session) -> None:

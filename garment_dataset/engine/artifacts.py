@@ -18,7 +18,7 @@ import pyarrow.compute as pc
 import pyarrow.parquet as pq
 
 from garment_dataset.engine.canonical import canonical_json
-from garment_dataset.engine.errors import StoreError
+from garment_dataset.engine.errors import ResultDamagedError, StorageError, StoreError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -36,7 +36,7 @@ def write_artifact(table: pa.Table, path: Path, provenance: Mapping[str, Any]) -
 
     Raises
     ------
-    StoreError
+    StorageError
         If the file does not read back as written.
     """
     metadata = {**(table.schema.metadata or {}), PROVENANCE_KEY: canonical_json(provenance).encode()}
@@ -52,25 +52,45 @@ def write_artifact(table: pa.Table, path: Path, provenance: Mapping[str, Any]) -
     )
     written = pq.ParquetFile(path)
     if written.metadata.num_rows != table.num_rows or not written.schema_arrow.equals(table.schema):
-        raise StoreError("a result file does not read back as written", where=path, hint="Is the disk full or failing?")
+        raise StorageError(
+            "a result file does not read back as written", where=path, hint="Is the disk full or failing?"
+        )
     with path.open("rb") as file:
         os.fsync(file.fileno())
 
 
-def read_artifact(path: Path) -> pa.Table:
-    """Read a result file.
+def read_artifact(path: Path, digest: str | None = None) -> pa.Table:
+    """Read what a stage made: a result file without the identity columns in front of its own.
+
+    Parameters
+    ----------
+    path : Path
+        The file.
+    digest : str, optional
+        The sha256 that its bytes must have.
 
     Raises
     ------
-    StoreError
-        If it is missing or not readable as Parquet.
+    ResultDamagedError
+        If it is missing, not readable as Parquet, or not what ``digest`` says.
     """
+    table = read_labelled(path, digest)
     try:
-        return pq.ParquetFile(path).read()
+        labels = json.loads((table.schema.metadata or {})[PROVENANCE_KEY])["facts"].get("labels", {})
+    except (KeyError, ValueError) as error:
+        raise ResultDamagedError("not a result file of this store", where=path, found=error) from error
+    return table.drop_columns([name for name in table.column_names[: len(labels)] if name in labels])
+
+
+def read_labelled(path: Path, digest: str | None = None) -> pa.Table:
+    """Read a whole result file; parameters and errors are those of :func:`read_artifact`."""
+    try:
+        content = path.read_bytes()
+        if digest is not None and hashlib.sha256(content).hexdigest() != digest:
+            raise ResultDamagedError("a result is not what was stored", where=path)
+        return pq.ParquetFile(pa.BufferReader(content)).read()
     except (OSError, pa.ArrowInvalid) as error:
-        raise StoreError(
-            "a result cannot be read", where=path, found=error, hint="The next build makes it anew."
-        ) from error
+        raise ResultDamagedError("a result cannot be read", where=path, found=error) from error
 
 
 def read_provenance(path: Path) -> dict[str, Any]:

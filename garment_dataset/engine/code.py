@@ -1,25 +1,32 @@
-"""The code of every stage, as part of its key: fingerprints remembered until a source file changes."""
+"""The code of every stage, as part of its key: fingerprints remembered until the content of a source file changes."""
 
 from __future__ import annotations
 
 import contextlib
+import functools
 import json
 import os
-import zlib
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from garment_dataset.engine.canonical import digest
 from garment_dataset.engine.codebase.libraries import library_versions
+from garment_dataset.engine.loaded import content_state
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Callable, Iterable, Mapping
 
     from garment_dataset.engine.codebase.fingerprint import CodeBase, Fingerprint
     from garment_dataset.engine.stage import Stage
 
 _DECIDES_NOTHING = frozenset({"pydantic"})
 """Libraries in reach whose version is no reason to build anew: the parameters that they check are in the key."""
+
+_WRITES = ("pyarrow",)
+"""Libraries that decide about every file."""
+
+_TAG = "fingerprints/2"
 
 
 @dataclass(frozen=True)
@@ -36,12 +43,15 @@ class Code:
         Versions of the third-party libraries in reach.
     archive_dir : Path
         Holds the parts of earlier digests, so that a change can be named.
+    files : mapping of str to str
+        The source files that it was read from, and the state of their content.
     """
 
     digest: str
     parts: Mapping[str, str]
     libraries: Mapping[str, str]
     archive_dir: Path
+    files: Mapping[str, str] = field(default_factory=dict)
 
     def changes_since(self, old_digest: str) -> list[tuple[str, str]]:
         """Return which functions, classes and constants differ from an earlier digest, and how."""
@@ -55,7 +65,7 @@ class Code:
 
 
 class CodeCache:
-    """Fingerprints of stages, computed anew only when one of the files they rest on has changed.
+    """Fingerprints of stages, computed anew only when the content of a file that they rest on has changed.
 
     Parameters
     ----------
@@ -68,11 +78,10 @@ class CodeCache:
     def __init__(self, folder: Path, roots: Mapping[str, Path]) -> None:
         self._folder = folder
         self._roots = dict(roots)
+        # two installations on one workspace must not take each other's code for their own
+        self._place = digest("roots/1", {name: str(path) for name, path in roots.items()})
         self._code_base: CodeBase | None = None
-        try:
-            self._remembered: dict[str, Any] = json.loads(self._file.read_text("utf-8"))
-        except (OSError, ValueError):
-            self._remembered = {}
+        self._remembered = self._load()
 
     @property
     def _file(self) -> Path:
@@ -87,42 +96,57 @@ class CodeCache:
             If a stage reaches code that cannot be followed.
         """
         before = json.dumps(self._remembered)
-        entries = {stage.name: self._entry(stage) for stage in stages}
+        state_of = functools.cache(content_state)  # each file is read once, whatever number of stages rests on it
+        entries = {stage.name: self._entry(stage, state_of) for stage in stages}
         if json.dumps(self._remembered) != before:
             self._save(entries.values())
-        libraries = library_versions(sorted({name for entry in entries.values() for name in entry["libraries"]}))
+        found = {name for entry in entries.values() for name in entry["libraries"]}
+        libraries = library_versions(sorted({*found, *_WRITES}))
         return {
             stage: Code(
                 entry["digest"],
                 entry["parts"],
-                {name: libraries[name] for name in entry["libraries"]},
+                {name: libraries[name] for name in sorted({*entry["libraries"], *_WRITES})},
                 self._folder,
+                {path: state for path, state in entry["files"] if path.endswith(".py")},
             )
             for stage, entry in entries.items()
         }
 
     def is_as_read(self, stage: Stage) -> bool:
-        """Say whether the files that a stage's fingerprint rests on are still those it was computed from."""
-        return not self._is_outdated(self._remembered[_name(stage)])
+        """Say whether the files that a stage's fingerprint rests on still have the content that it was read from."""
+        return not self._is_outdated(self._remembered[self._name(stage)], content_state)
 
-    def _is_outdated(self, entry: Mapping[str, Any]) -> bool:
+    def _is_outdated(self, entry: Mapping[str, Any], state_of: Callable[[str], str | None]) -> bool:
         """Say whether a file has changed, or what was a library has become first-party code."""
         if not self._roots.keys().isdisjoint(entry["libraries"]):
             return True
-        return any(file_state(Path(path)) != (size, mtime) for path, size, mtime in entry["files"])
+        return any(state_of(path) != state for path, state in entry["files"])
 
-    def _entry(self, stage: Stage) -> dict[str, Any]:
-        name = _name(stage)
+    def _entry(self, stage: Stage, state_of: Callable[[str], str | None]) -> dict[str, Any]:
+        name = self._name(stage)
         entry: dict[str, Any] | None = self._remembered.get(name)
-        if entry is None or self._is_outdated(entry):
+        if entry is None or self._is_outdated(entry, state_of):
             from garment_dataset.engine.codebase.fingerprint import CodeBase
 
             if self._code_base is None:
                 self._code_base = CodeBase(self._roots)
             params = f"{stage.params.__module__}:{stage.params.__qualname__}"
-            entry = _to_json(self._code_base.fingerprint(name, fields_excluded=(params,)))
+            entry = _to_json(self._code_base.fingerprint(f"{stage.module}:{stage.name}", fields_excluded=(params,)))
             self._remembered[name] = entry
         return entry
+
+    def _name(self, stage: Stage) -> str:
+        return f"{stage.module}:{stage.name} in {self._place}"
+
+    def _load(self) -> dict[str, Any]:
+        """Return what was remembered; nothing of what does not read back as written."""
+        try:
+            kept = json.loads(self._file.read_text("utf-8"))
+            remembered: dict[str, Any] = kept["entries"]
+            return remembered if kept["check"] == digest(_TAG, remembered) else {}
+        except (OSError, ValueError, KeyError, TypeError):
+            return {}
 
     def _save(self, entries: Iterable[Mapping[str, Any]]) -> None:
         # a reader without write permission computes its fingerprints anew each time
@@ -130,34 +154,18 @@ class CodeCache:
             self._folder.mkdir(parents=True, exist_ok=True)
             for entry in entries:
                 _write(self._folder / f"{entry['digest']}.json", entry["parts"])
-            _write(self._file, self._remembered)
-
-
-def _name(stage: Stage) -> str:
-    return f"{stage.module}:{stage.name}"
-
-
-def file_state(path: Path) -> tuple[int, int] | None:
-    """Return two numbers that change when a file's content or a folder's list of modules does; None when it is gone."""
-    try:
-        if path.is_dir():
-            names = sorted(item.name for item in path.iterdir() if not item.name.startswith((".", "__pycache__")))
-            return len(names), zlib.crc32("/".join(names).encode())
-        stat = path.stat()
-    except OSError:
-        return None
-    return stat.st_size, stat.st_mtime_ns
+            _write(self._file, {"check": digest(_TAG, self._remembered), "entries": self._remembered})
 
 
 def _to_json(found: Fingerprint) -> dict[str, Any]:
     # what was found also rests on the code that found it
     files = (*found.files, *sorted((Path(__file__).parent / "codebase").glob("*.py")))
-    states = [(str(path), file_state(path)) for path in files]
+    states = [(str(path), content_state(str(path))) for path in files]
     return {
         "digest": found.digest,
         "parts": dict(found.parts),
         "libraries": [name for name in found.libraries if name not in _DECIDES_NOTHING],
-        "files": [[path, *state] for path, state in states if state is not None],
+        "files": [[path, state] for path, state in states if state is not None],
     }
 
 

@@ -85,6 +85,10 @@ class UntraceableCodeError(ReportedError):
     """Code that a stage reaches in a way that cannot be followed statically."""
 
 
+class CodeChangedError(ReportedError):
+    """Code that was edited between the moment its key was computed and the moment it ran."""
+
+
 class SourceError(ReportedError):
     """An external input that cannot be read."""
 
@@ -98,7 +102,23 @@ class TableError(ReportedError):
 
 
 class StoreError(ReportedError):
-    """A stored result that is missing or damaged."""
+    """A stored result that is not there, or a file that is none."""
+
+
+class StorageError(ReportedError):
+    """A store that cannot be written, locked or trusted: for want of space or permission, or by damage."""
+
+    exit_code = 1
+
+
+class ResultDamagedError(StorageError):
+    """A stored result whose bytes are not those that were stored."""
+
+
+class LockedError(ReportedError):
+    """Another process writes the store, and nobody wants to wait for it."""
+
+    exit_code = 4
 
 
 class DataWarning(UserWarning):

@@ -11,11 +11,15 @@ if TYPE_CHECKING:
 
 
 class Ending(StrEnum):
-    """What became of a node in a build."""
+    """What became of a node in a build.
+
+    ``linked``: it was in the store; ``relabelled``: another subject's was, made of the same inputs.
+    """
 
     FRESH = "fresh"
     BUILT = "built"
     LINKED = "linked"
+    RELABELLED = "relabelled"
     FAILED = "failed"
     BLOCKED = "blocked"
 

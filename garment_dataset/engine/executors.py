@@ -2,18 +2,25 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import os
+import signal
+import sys
+import threading
+import types
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
-from garment_dataset.engine.worker import prepare_process
+from garment_dataset.engine.threads import VARIABLES
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterator
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+_OF_THE_TERMINAL = [signal.Signals[name] for name in ("SIGINT", "SIGHUP", "SIGQUIT") if hasattr(signal, name)]
 
 
 class SerialExecutor(Executor):
@@ -29,20 +36,85 @@ class SerialExecutor(Executor):
         return future
 
 
+class LocalExecutor(ProcessPoolExecutor):
+    """Spawned worker processes, one thread each, that end when this process does, however it ends.
+
+    Processes are spawned, not forked: OpenCV and Arrow hold threads and locks that a fork would copy half. They do not
+    import the program that builds: a script needs no ``if __name__ == "__main__"`` and may come from standard input.
+
+    Parameters
+    ----------
+    jobs : int
+        How many.
+    """
+
+    def __init__(self, jobs: int) -> None:
+        super().__init__(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=prepare_process)
+
+    def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
+        """Hand over a task; it is here that processes are started."""
+        with _without_program(), _deaf():
+            return super().submit(fn, *args, **kwargs)
+
+    def kill(self) -> None:
+        """End all processes at once, whatever they do."""
+        processes = list((getattr(self, "_processes", None) or {}).values())
+        for process in processes:
+            with contextlib.suppress(OSError, ValueError):
+                process.kill()
+        self.shutdown(wait=False, cancel_futures=True)
+        for process in processes:
+            with contextlib.suppress(OSError, ValueError, AssertionError):
+                process.join(5)
+
+
+@contextlib.contextmanager
+def _without_program() -> Iterator[None]:
+    """Let a process be spawned that does not run the program of this one again, which is what Python has it do."""
+    program = sys.modules.get("__main__")
+    sys.modules["__main__"] = types.ModuleType("__main__")
+    try:
+        yield
+    finally:
+        if program is not None:
+            sys.modules["__main__"] = program
+
+
+@contextlib.contextmanager
+def _deaf() -> Iterator[None]:
+    """Let a process be spawned that never hears Ctrl-C, not even while it starts; this one hears it a moment later."""
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, _OF_THE_TERMINAL)
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def prepare_process() -> None:
+    """Set up a worker process: one thread, deaf to the terminal, and gone as soon as the coordinating process is."""
+    os.environ.update(dict.fromkeys(VARIABLES, "1"))
+    for each in _OF_THE_TERMINAL:
+        signal.signal(each, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_end_with, args=(parent.sentinel,), daemon=True).start()
+
+
+def _end_with(sentinel: int) -> None:
+    from multiprocessing.connection import wait
+
+    wait([sentinel])
+    os._exit(1)
+
+
 def usable_cpus() -> int:
     """Return how many processors this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def local_executor(jobs: int) -> Executor:
-    """Return an executor of ``jobs`` spawned processes; with 0, one that runs in this process.
-
-    Processes are spawned, not forked: OpenCV and Arrow hold threads and locks that a fork would copy half.
-    """
-    if jobs == 0:
-        return SerialExecutor()
-    context = multiprocessing.get_context("spawn")
-    return ProcessPoolExecutor(jobs, mp_context=context, initializer=prepare_process)
+    """Return an executor of ``jobs`` spawned processes; with 0, one that runs in this process."""
+    return LocalExecutor(jobs) if jobs else SerialExecutor()
 
 
 class Pool:
@@ -74,3 +146,10 @@ class Pool:
         """Wait for what is running, drop what is not."""
         if self._executor is not None:
             self._executor.shutdown(wait=True, cancel_futures=True)
+
+    def kill(self) -> None:
+        """End what is running, at once."""
+        if isinstance(self._executor, LocalExecutor):
+            self._executor.kill()
+        elif self._executor is not None:
+            self._executor.shutdown(wait=False, cancel_futures=True)

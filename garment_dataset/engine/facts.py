@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.canonical import digest
-from garment_dataset.engine.index import FORMAT
+from garment_dataset.engine.results import FORMAT, WRITER
 from garment_dataset.engine.stage import NOTES
 
 if TYPE_CHECKING:
@@ -15,7 +16,8 @@ if TYPE_CHECKING:
 
     from garment_dataset.engine.code import Code
     from garment_dataset.engine.graph import Node, NodeId
-    from garment_dataset.engine.index import Result
+    from garment_dataset.engine.results import Result
+    from garment_dataset.engine.table import Column
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,16 +56,24 @@ def member_input(table: str, subject: str) -> str:
 
 _OF = " of "
 _ORDER = "order"
+_DECLARED = {
+    "tables": "tables and sources that the stage declares",
+    "identity": "identity columns",
+    "writer": "how tables are written",
+    "format": "format of the store",
+}
+_LABELLING = frozenset({"subject", "identity", "labels", "partition"})
 
 
 def input_digests(
-    node: Node, of_source: Callable[[Path], str], of_table: Callable[[NodeId, str], str | None]
+    node: Node, of_source: Callable[[Path], str], of_table: Callable[[NodeId, str, bool], str | None]
 ) -> dict[str, str | None]:
     """Return the content digests of all that a node reads, by the names that stand in its facts."""
     found: dict[str, str | None] = {name: of_source(path) for name, path in node.sources.items()}
-    found |= {table: of_table(feeder, table) for table, feeder in node.inputs.items()}
+    labelled = node.stage.reads_identity
+    found |= {table: of_table(feeder, table, labelled) for table, feeder in node.inputs.items()}
     for table, members in node.gathers.items():
-        found |= {member_input(table, feeder.subject): of_table(feeder, table) for feeder in members}
+        found |= {member_input(table, feeder.subject): of_table(feeder, table, True) for feeder in members}
     return found
 
 
@@ -86,11 +96,14 @@ def node_facts(
     """
     facts = {
         "format": FORMAT,
+        "writer": WRITER,
         "stage": node.stage.name,
+        "tables": node.stage.declaration,
         "subject": node.subject,
         "params": node.params.model_dump(mode="json"),
         "code": code.digest,
         "libraries": dict(code.libraries),
+        "identity": _columns_digest(tuple(label.column for label in node.labels)),
         "labels": {label.column.name: label.value for label in node.labels},
         "partition": node.partition,
         "inputs": dict(inputs),
@@ -100,6 +113,11 @@ def node_facts(
     if node.stage.takes_notes:
         facts[NOTES] = {name: list(said) for name, said in notes.items()}
     return facts
+
+
+@functools.cache
+def _columns_digest(columns: tuple[Column, ...]) -> str:
+    return digest("columns/1", [column.describe() for column in columns])
 
 
 def notes_of(node: Node, results: Mapping[NodeId, Result]) -> dict[str, tuple[str, ...]]:
@@ -121,6 +139,11 @@ def node_key(facts: Mapping[str, Any]) -> str:
     return digest("node/1", facts)
 
 
+def body_digest(facts: Mapping[str, Any]) -> str:
+    """Name what a stage's function makes, before it is labelled: it is never told whose it is, or where it goes."""
+    return digest("body/1", {name: value for name, value in facts.items() if name not in _LABELLING})
+
+
 def fact_reasons(old: Mapping[str, Any], new: Mapping[str, Any], node: Node, code: Code) -> tuple[Reason, ...]:
     """Return every difference between the facts of a published result and of the one wanted now."""
     reasons = [
@@ -138,8 +161,9 @@ def fact_reasons(old: Mapping[str, Any], new: Mapping[str, Any], node: Node, cod
             reasons.append(Reason("note", stage, new="it says something else"))
     if old["partition"] != new["partition"]:
         reasons.append(Reason("label", "partition", old["partition"], new["partition"]))
-    if old["format"] != new["format"]:
-        reasons.append(Reason("code", "format of the store", str(old["format"]), str(new["format"])))
+    for name, what in _DECLARED.items():
+        if old[name] != new[name]:
+            reasons.append(Reason("code", what, new="changed"))
     return tuple(reasons)
 
 

@@ -1,114 +1,45 @@
-"""The index of a store: which results there are, what is published, what failed, and what sources were last time."""
+"""The index of a store: which results there are, what is published, what failed, and what sources were last time.
+
+It can be lost at any time: a store makes it anew from its files. So nothing is done to repair it; every row carries a
+checksum, and whatever does not read back as written is an :class:`IndexDamagedError`.
+"""
 
 from __future__ import annotations
 
 import json
+import os
 import sqlite3
+import zlib
 from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.canonical import canonical_json
+from garment_dataset.engine.errors import StorageError
+from garment_dataset.engine.results import FORMAT, Failure, Result, StoredFile, StoredOutput
 from garment_dataset.engine.sources import SourceStat
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
-
-FORMAT = 2
-"""Raised when the layout below or the files' footers change; an index of another format is thrown away."""
 
 _LAYOUT = """
 CREATE TABLE result (key TEXT PRIMARY KEY, stage TEXT, subject TEXT, partition TEXT, outputs TEXT, facts TEXT,
-                     notes TEXT) WITHOUT ROWID;
-CREATE TABLE published (stage TEXT, subject TEXT, variant TEXT, key TEXT, PRIMARY KEY (stage, subject, variant))
-                     WITHOUT ROWID;
+                     notes TEXT, body TEXT, checksum INTEGER) WITHOUT ROWID;
+CREATE TABLE published (stage TEXT, subject TEXT, variant TEXT, key TEXT, checksum INTEGER,
+                     PRIMARY KEY (stage, subject, variant)) WITHOUT ROWID;
 CREATE TABLE failure (stage TEXT, subject TEXT, variant TEXT, key TEXT, kind TEXT, message TEXT, traceback TEXT,
-                      attempts INTEGER, PRIMARY KEY (stage, subject, variant)) WITHOUT ROWID;
-CREATE TABLE source (path TEXT PRIMARY KEY, size_bytes INTEGER, mtime_ns INTEGER, inode INTEGER, digest TEXT)
-                     WITHOUT ROWID;
+                      attempts INTEGER, checksum INTEGER, PRIMARY KEY (stage, subject, variant)) WITHOUT ROWID;
+CREATE TABLE source (path TEXT PRIMARY KEY, size_bytes INTEGER, mtime_ns INTEGER, inode INTEGER, ctime_ns INTEGER,
+                     digest TEXT, checksum INTEGER) WITHOUT ROWID;
 """
+_BUSY = frozenset({sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED})
+_OUT_OF_REACH = frozenset(
+    {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_PERM}
+)
 
 
-class StoredFile(NamedTuple):
-    """One object: the sha256 of its bytes, and its state when it was stored."""
-
-    digest: str
-    size_bytes: int
-    mtime_ns: int
-
-
-class StoredOutput(NamedTuple):
-    """One table of a result."""
-
-    file: StoredFile
-    content: str
-    rows: int
-
-
-@dataclass(frozen=True)
-class Result:
-    """All tables that one run of a stage made, and what they were made from.
-
-    Parameters
-    ----------
-    key : str
-        Digest of ``facts``.
-    stage, subject : str
-        What was run, and for which subject.
-    partition : str
-        Where under a table's folder it is published, such as ``kind=a/side=b``; may be empty.
-    outputs : mapping of str to StoredOutput
-        By table name.
-    facts : mapping
-        Parameters, code, libraries, labels and input digests: the pre-image of the key.
-    notes : tuple of str
-        What the stage said of data that it left out.
-    """
-
-    key: str
-    stage: str
-    subject: str
-    partition: str
-    outputs: Mapping[str, StoredOutput]
-    facts: Mapping[str, Any] = field(compare=False)
-    notes: tuple[str, ...] = ()
-
-    @classmethod
-    def from_footers(cls, footers: Iterable[tuple[StoredFile, Mapping[str, Any]]]) -> dict[str, Result]:
-        """Put results together from the footers of their files; a result with a table missing is left out."""
-        outputs: dict[str, dict[str, StoredOutput]] = {}
-        about: dict[str, Mapping[str, Any]] = {}
-        for file, footer in footers:
-            about[footer["key"]] = footer
-            output = StoredOutput(file, footer["content"], footer["rows"])
-            outputs.setdefault(footer["key"], {})[footer["table"]] = output
-        return {
-            key: cls(
-                key,
-                footer["facts"]["stage"],
-                footer["subject"],
-                footer["partition"],
-                outputs[key],
-                footer["facts"],
-                tuple(footer["notes"]),
-            )
-            for key, footer in about.items()
-            if set(outputs[key]) == set(footer["tables"])
-        }
-
-
-class Failure(NamedTuple):
-    """Why a stage failed for a subject, with the key it failed with."""
-
-    stage: str
-    subject: str
-    variant: str
-    key: str
-    kind: str
-    message: str
-    traceback: str
-    attempts: int
+class IndexDamagedError(Exception):
+    """The index does not read back as it was written, is of another version, or is not there."""
 
 
 class Index:
@@ -116,99 +47,172 @@ class Index:
 
     Parameters
     ----------
-    path : Path
-        Made, with its folder, at the first write; until then reads find nothing.
+    path : Path or None
+        Where it is; None: in memory, for a process that reads files whose index is lost and may not write one.
+
+    Raises
+    ------
+    IndexDamagedError
+        If it is not there, empty, damaged or of another format.
+    StorageError
+        If it is in use by another program for long, or cannot be opened.
     """
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path | None) -> None:
         self._path = path
-        self._connection: sqlite3.Connection | None = None
-        if path.is_file():
-            self._open()
+        if path is None:
+            self._connection = sqlite3.connect(":memory:", isolation_level=None)
+            self._connection.executescript(_LAYOUT)
+            return
+        if not path.is_file():
+            raise IndexDamagedError(f"{path} is not there")
+        # one that may not be written is opened as such: else SQLite would want to make a journal beside it
+        mode = "rw" if os.access(path, os.W_OK) and os.access(path.parent, os.W_OK) else "ro"
+        with self._told():
+            self._connection = sqlite3.connect(f"{path.resolve().as_uri()}?mode={mode}", uri=True, isolation_level=None)
+        try:
+            self._check(path)
+        except BaseException:
+            self._connection.close()
+            raise
+
+    @classmethod
+    def create(cls, path: Path) -> Index:
+        """Make an empty index, in place of what is there.
+
+        Raises
+        ------
+        StorageError
+            If that cannot be written.
+        """
+        new = path.with_name(f"{path.name}.new")
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            for name in (new.name, f"{new.name}-journal", f"{path.name}-journal"):
+                path.with_name(name).unlink(missing_ok=True)
+            connection = sqlite3.connect(new, isolation_level=None)
+            connection.executescript(f"BEGIN; {_LAYOUT} PRAGMA user_version = {FORMAT}; COMMIT;")
+            connection.close()
+            new.replace(path)  # whoever reads meanwhile finds the old one, or a whole new one
+        except (OSError, sqlite3.Error) as error:
+            found = getattr(error, "strerror", None) or error
+            raise StorageError("the index cannot be written", where=path, found=found) from error
+        return cls(path)
+
+    def _check(self, path: Path) -> None:
+        """Look at every page, and read every row."""
+        # the files are the truth: a crash of the machine may cost the index, never a result
+        self._execute("PRAGMA synchronous = OFF")
+        if self._execute("PRAGMA user_version")[0][0] != FORMAT:
+            raise IndexDamagedError(f"{path} is of another format")
+        if self._execute("PRAGMA quick_check(1)") != [("ok",)]:
+            raise IndexDamagedError(f"{path} is damaged")
+        for table in ("result", "published", "failure", "source"):
+            self._read(f"SELECT * FROM {table}")  # noqa: S608
 
     def close(self) -> None:
         """Close the file."""
-        if self._connection is not None:
-            self._connection.close()
-            self._connection = None
+        self._connection.close()
 
-    def _open(self) -> sqlite3.Connection:
-        if self._connection is None:
-            self._path.parent.mkdir(parents=True, exist_ok=True)
-            connection = sqlite3.connect(self._path, isolation_level=None)
-            # the files are the truth: a crash of the machine may cost the index, never a result
-            connection.execute("PRAGMA synchronous = OFF")
-            (version,) = connection.execute("PRAGMA user_version").fetchone()
-            if version != FORMAT:
-                for (name,) in connection.execute("SELECT name FROM sqlite_master WHERE type = 'table'").fetchall():
-                    connection.execute(f"DROP TABLE {name}")
-                connection.executescript(_LAYOUT + f"PRAGMA user_version = {FORMAT};")
-            self._connection = connection
-        return self._connection
+    @contextmanager
+    def _told(self) -> Iterator[None]:
+        """Say in our words what SQLite cannot do."""
+        try:
+            yield
+        except sqlite3.DatabaseError as error:
+            code = getattr(error, "sqlite_errorcode", 0) & 0xFF
+            if code in _BUSY:
+                hint = "Close the program that holds it open, and try again."
+                raise StorageError("the index is in use", where=self._path, found=error, hint=hint) from error
+            if code in _OUT_OF_REACH:
+                hint = "Is the disk full, or the folder not writable?"
+                raise StorageError("the index cannot be written", where=self._path, found=error, hint=hint) from error
+            raise IndexDamagedError(f"{self._path}: {error}") from error
 
-    def _read(self, query: str, *values: object) -> list[Any]:
-        return [] if self._connection is None else self._connection.execute(query, values).fetchall()
+    def _execute(self, query: str, values: Iterable[object] = ()) -> list[Any]:
+        with self._told():
+            return self._connection.execute(query, tuple(values)).fetchall()
+
+    def _read(self, query: str, *values: object) -> list[tuple[Any, ...]]:
+        """Return rows without their checksums, each of which must be right."""
+        rows = []
+        for *row, checksum in self._execute(query, values):
+            if _checksum(row) != checksum:
+                raise IndexDamagedError(f"{self._path}: a row does not read back as written")
+            rows.append(tuple(row))
+        return rows
+
+    def _write(self, table: str, *values: object) -> None:
+        marks = ", ".join("?" * (len(values) + 1))
+        self._execute(f"INSERT OR REPLACE INTO {table} VALUES ({marks})", (*values, _checksum(values)))  # noqa: S608
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
         """Group writes: all of them are kept, or none."""
-        connection = self._open()
-        connection.execute("BEGIN")
+        self._execute("BEGIN")
         try:
             yield
         except BaseException:
-            connection.execute("ROLLBACK")
+            if self._connection.in_transaction:
+                self._execute("ROLLBACK")
             raise
-        connection.execute("COMMIT")
+        self._execute("COMMIT")
 
     def add_result(self, result: Result) -> None:
         """Remember a result."""
-        self._open().execute(
-            "INSERT OR REPLACE INTO result VALUES (?, ?, ?, ?, ?, ?, ?)",
-            (
-                result.key,
-                result.stage,
-                result.subject,
-                result.partition,
-                canonical_json(result.outputs),
-                canonical_json(result.facts),
-                canonical_json(result.notes),
-            ),
+        self._write(
+            "result",
+            result.key,
+            result.stage,
+            result.subject,
+            result.partition,
+            canonical_json(result.outputs),
+            canonical_json(result.facts),
+            canonical_json(result.notes),
+            result.body,
         )
 
     def results(self) -> dict[str, Result]:
-        """Return every known result by key, ``facts`` left empty: reading them all is slow and seldom needed."""
-        rows = self._read("SELECT key, stage, subject, partition, outputs, notes FROM result")
+        """Return every known result by key, ``facts`` left empty: taking them all apart is slow and seldom needed."""
+        rows = self._read("SELECT * FROM result")
         return {
-            key: Result(key, stage, subject, partition, _outputs(outputs), {}, _notes(notes))
-            for key, stage, subject, partition, outputs, notes in rows
+            key: Result(key, stage, subject, partition, _outputs(outputs), {}, _notes(notes), body)
+            for key, stage, subject, partition, outputs, _, notes, body in rows
         }
 
     def facts(self, key: str) -> dict[str, Any] | None:
         """Return what a result was made from, or None for an unknown key."""
-        rows = self._read("SELECT facts FROM result WHERE key = ?", key)
-        return json.loads(rows[0][0]) if rows else None
+        rows = self._read("SELECT * FROM result WHERE key = ?", key)
+        return json.loads(rows[0][5]) if rows else None
+
+    def forget_results(self, keys: Iterable[str]) -> None:
+        """Forget results whose files are gone."""
+        for key in keys:
+            self._execute("DELETE FROM result WHERE key = ?", (key,))
 
     def published(self) -> dict[tuple[str, ...], str]:
         """Return the key that is published for each node: by stage, subject and variant."""
         return {tuple(node): key for *node, key in self._read("SELECT * FROM published")}
 
-    def published_partition(self, stage: str, subject: str, variant: str) -> str | None:
+    def published_partition(self, node: tuple[str, ...]) -> str | None:
         """Return the partition of what is published for a node, if anything is."""
-        rows = self._read(
-            "SELECT partition FROM result WHERE key = "
-            "(SELECT key FROM published WHERE stage = ? AND subject = ? AND variant = ?)",
-            stage,
-            subject,
-            variant,
-        )
-        return rows[0][0] if rows else None
+        query = "SELECT * FROM published WHERE stage = ? AND subject = ? AND variant = ?"
+        keys = [row[3] for row in self._read(query, *node)]
+        rows = self._read("SELECT * FROM result WHERE key = ?", keys[0]) if keys else []
+        return rows[0][3] if rows else None
 
     def set_published(self, result: Result, variant: str) -> None:
         """Remember which result users find; an earlier failure is forgotten with it."""
-        connection, node = self._open(), (result.stage, result.subject, variant)
-        connection.execute("INSERT OR REPLACE INTO published VALUES (?, ?, ?, ?)", (*node, result.key))
-        connection.execute("DELETE FROM failure WHERE stage = ? AND subject = ? AND variant = ?", node)
+        node = (result.stage, result.subject, variant)
+        self._write("published", *node, result.key)
+        self._execute("DELETE FROM failure WHERE stage = ? AND subject = ? AND variant = ?", node)
+
+    def forget_nodes(self, nodes: Iterable[tuple[str, ...]]) -> None:
+        """Forget what is published for nodes, and how they failed."""
+        for node in nodes:
+            for table in ("published", "failure"):
+                query = f"DELETE FROM {table} WHERE stage = ? AND subject = ? AND variant = ?"  # noqa: S608
+                self._execute(query, node)
 
     def failures(self) -> dict[tuple[str, ...], Failure]:
         """Return the last failure of each node that has failed since it last succeeded."""
@@ -216,20 +220,24 @@ class Index:
 
     def set_failure(self, failure: Failure) -> None:
         """Remember a failure."""
-        self._open().execute("INSERT OR REPLACE INTO failure VALUES (?, ?, ?, ?, ?, ?, ?, ?)", failure)
+        self._write("failure", *failure)
 
     def source_digests(self) -> dict[str, tuple[SourceStat, str]]:
         """Return what was last known of each external source, by absolute path."""
-        rows = self._read("SELECT * FROM source")
-        return {path: (SourceStat(size, mtime, inode), digest) for path, size, mtime, inode, digest in rows}
+        return {path: (SourceStat(*stat), digest) for path, *stat, digest in self._read("SELECT * FROM source")}
 
     def set_source_digest(self, path: Path, stat: SourceStat, digest: str) -> None:
         """Remember a source's digest, and the state of the file system that it holds for."""
-        self._open().execute("INSERT OR REPLACE INTO source VALUES (?, ?, ?, ?, ?)", (str(path), *stat, digest))
+        self._write("source", str(path), *stat, digest)
 
     def forget_sources(self, paths: Iterable[str]) -> None:
         """Forget the digests of these sources."""
-        self._open().executemany("DELETE FROM source WHERE path = ?", [(path,) for path in paths])
+        for path in paths:
+            self._execute("DELETE FROM source WHERE path = ?", (path,))
+
+
+def _checksum(values: Iterable[object]) -> int:
+    return zlib.crc32(repr(tuple(values)).encode("utf-8", "surrogateescape"))
 
 
 def _notes(text: str) -> tuple[str, ...]:
@@ -237,7 +245,4 @@ def _notes(text: str) -> tuple[str, ...]:
 
 
 def _outputs(text: str) -> dict[str, StoredOutput]:
-    return {
-        table: StoredOutput(StoredFile(*file), content, rows)
-        for table, (file, content, rows) in json.loads(text).items()
-    }
+    return {table: StoredOutput(StoredFile(*file), *rest) for table, (file, *rest) in json.loads(text).items()}

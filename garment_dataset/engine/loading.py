@@ -8,6 +8,8 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from garment_dataset.engine.loaded import content_state, note_loaded
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
     from types import ModuleType
@@ -15,8 +17,8 @@ if TYPE_CHECKING:
 
 _TESTS = ("test_", "conftest")
 
-HOMES: dict[str, dict[str, tuple[int, int]]] = {}
-"""The folders that modules were imported from, and the state of their files then; one at a time is on Python's path."""
+HOMES: dict[str, dict[str, str | None]] = {}
+"""The folders that modules were imported from, and the content of their files; one at a time is on Python's path."""
 
 
 def load_module(name: str, home: Path | None) -> ModuleType:
@@ -30,6 +32,7 @@ def load_module(name: str, home: Path | None) -> ModuleType:
         Folder that holds it, where it is not installed. What a long-lived process has loaded from this and other such
         folders is forgotten when the folder is another one than before, or a file in it was edited since.
     """
+    note_loaded()
     if home is None:
         return importlib.import_module(name)
     state = _state_of(home)
@@ -59,11 +62,11 @@ def modules_of(home: Path) -> dict[str, Path]:
     return files | {path.parent.name: path.parent for path in sorted(home.glob("*/__init__.py"))}
 
 
-def _state_of(home: Path) -> dict[str, tuple[int, int]]:
-    """Return size and time of every file that a module of a folder may be made of."""
+def _state_of(home: Path) -> dict[str, str | None]:
+    """Return the content of every file that a module of a folder may be made of, as digests."""
     places = modules_of(home).values()
     files = (file for place in places for file in (place.rglob("*.py") if place.is_dir() else (place,)))
-    return {str(file): (stat.st_size, stat.st_mtime_ns) for file in files for stat in (file.stat(),)}
+    return {str(file): content_state(str(file)) for file in files}
 
 
 def _forget(homes: Iterable[str]) -> None:

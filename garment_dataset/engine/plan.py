@@ -5,8 +5,9 @@ The same decisions drive ``status``, ``why``, ``build --dry-run`` and ``build``.
 
 from __future__ import annotations
 
+import os
 from collections import Counter
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
     from garment_dataset.engine.code import Code
     from garment_dataset.engine.graph import Graph, Node, NodeId
-    from garment_dataset.engine.index import Failure, Result
+    from garment_dataset.engine.results import Failure, Result
     from garment_dataset.engine.store import Store
 
 
@@ -54,6 +55,8 @@ class Decision:
         False when an input may turn out unchanged, and nothing is to be done then.
     notes : tuple of str
         What the stage said of data that it left out, of a fresh node.
+    facts : mapping or None
+        What the result wanted depends on: the pre-image of the key.
     """
 
     node: NodeId
@@ -63,6 +66,7 @@ class Decision:
     stored: bool = False
     certain: bool = True
     notes: tuple[str, ...] = ()
+    facts: Mapping[str, Any] | None = field(default=None, compare=False, repr=False)
 
     def to_json(self) -> dict[str, Any]:
         """Return the decision as JSON-like data."""
@@ -118,7 +122,7 @@ class Known:
     def of(cls, store: Store) -> Known:
         """Read the index."""
         index = store.index
-        return cls(index.results(), index.published(), index.failures(), index.source_digests())
+        return cls(store.results, index.published(), index.failures(), index.source_digests())
 
     def source_digest(self, path: Path) -> str | None:
         """Return a source's digest if its state is the one it was computed for, else None."""
@@ -153,7 +157,7 @@ class _Planner:
     def _blocked(self, node: Node) -> Decision | None:
         if node.blocked is not None:
             return Decision(node.id, State.BLOCKED, (Reason("absent", node.blocked),))
-        absent = [path for path in node.sources.values() if not path.exists()]
+        absent = [path for path in node.sources.values() if stat_source(path) is None]
         if absent:
             return Decision(node.id, State.BLOCKED, tuple(Reason("absent", str(path)) for path in absent))
         stuck = [feeder for feeder in dict.fromkeys(node.inputs.values()) if self._is_stuck(feeder)]
@@ -182,6 +186,7 @@ class _Planner:
         if not reasons:
             return None
         published = self.known.published.get(node.id)
+        reasons += self._passing_failure(node)
         if published is None:
             return Decision(node.id, State.MISSING, tuple(reasons))
         facts = self.store.index.facts(published) or {}
@@ -196,6 +201,20 @@ class _Planner:
         code = self.codes[node.stage.name]
         return fact_reasons(old, node_facts(node, code, inputs, old.get(NOTES, {})), node, code)
 
+    def _what_is_lost(self, result: Result, node: Node) -> str:
+        found = (
+            self.store.feature_path(table, result.partition, node.subject, node.variant) for table in result.outputs
+        )
+        return "changed where users look" if all(map(os.path.isfile, found)) else "not where users look"
+
+    def _passing_failure(self, node: Node) -> tuple[Reason, ...]:
+        """Return how a node failed last time, where that says nothing of what would come of it now."""
+        failure = self.known.failures.get(node.id)
+        passing = {"", *map(str, node.sources.values())}
+        if failure is None or failure.key not in passing:
+            return ()
+        return (Reason("failure", failure.kind, new=failure.message),)
+
     def _result_of(self, node_id: NodeId) -> Result | None:
         decision = self.decisions[node_id]
         settled = decision.state is State.FRESH or decision.stored
@@ -205,29 +224,40 @@ class _Planner:
         """Return what is known of a node's inputs; None for one that cannot be had."""
         return input_digests(node, lambda path: self.known.source_digest(path) or _UNKNOWN, self._content)
 
-    def _content(self, feeder: NodeId, table: str) -> str | None:
+    def _content(self, feeder: NodeId, table: str, labelled: bool) -> str | None:
         if self._is_stuck(feeder):
             return None
         result = self._result_of(feeder)
-        return _UNKNOWN if result is None else result.outputs[table].content
+        return _UNKNOWN if result is None else result.outputs[table].digest(labelled=labelled)
 
     def _certain(self, node: Node) -> Decision:
         code = self.codes[node.stage.name]
         fed = {feeder: result for feeder in node.feeders if (result := self._result_of(feeder)) is not None}
         facts = node_facts(node, code, self._digests(node), notes_of(node, fed))
+        return replace(self._compared(node, code, facts), facts=facts)
+
+    def _compared(self, node: Node, code: Code, facts: Mapping[str, Any]) -> Decision:
+        """Compare what a node's result depends on with what there is."""
         key = node_key(facts)
         published = self.known.published.get(node.id)
         found = self.known.results.get(key)
-        if found is not None and published == key and self.store.is_published(found, node.variant):
+        is_held = found is not None and self.store.holds(found)
+        is_published = found is not None and published == key and self.store.is_published(found, node.variant)
+        if found is not None and is_held and is_published:
             return Decision(node.id, State.FRESH, key=key, stored=True, notes=found.notes)
         old = self.store.index.facts(published) if published is not None else None
         reasons = fact_reasons(old, facts, node, code) if old is not None else ()
-        if found is not None and self.store.holds(found):
-            reasons = reasons or (Reason("output", "not where users look"),)
+        if found is not None and (is_held or is_published):
+            lost = self._what_is_lost(found, node) if is_held else "gone from the store, or damaged there"
+            reasons = reasons or (Reason("output", lost),)
             return Decision(node.id, State.STALE, reasons, key=key, stored=True)
         failure = self.known.failures.get(node.id)
         if failure is not None and failure.key == key:
             return Decision(node.id, State.FAILED, (Reason("failure", failure.kind, new=failure.message),), key=key)
+        passing = self._passing_failure(node)
         if published is None:
-            return Decision(node.id, State.MISSING, (Reason("new", "never built"),), key=key)
-        return Decision(node.id, State.STALE, reasons or (Reason("output", "gone from the store"),), key=key)
+            return Decision(node.id, State.MISSING, (*passing, Reason("new", "never built")), key=key)
+        reasons = (*passing, *reasons)
+        return Decision(
+            node.id, State.STALE, reasons or (Reason("output", "gone from the store, or damaged"),), key=key
+        )

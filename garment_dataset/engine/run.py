@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import heapq
+import contextlib
 import shutil
 import uuid
 from concurrent.futures import FIRST_COMPLETED, Future, wait
@@ -10,15 +10,18 @@ from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from garment_dataset.engine.errors import StorageError
 from garment_dataset.engine.events import Ending, Event, Report
-from garment_dataset.engine.index import Failure, Result, StoredOutput
 from garment_dataset.engine.plan import State
+from garment_dataset.engine.results import Failure, Result, StoredOutput
+from garment_dataset.engine.schedule import Schedule
 from garment_dataset.engine.sources import stat_source
+from garment_dataset.engine.stock import Stock
 from garment_dataset.engine.tasks import find_obstacle, make_task
 from garment_dataset.engine.worker import Reading, Success, Task, Trouble, digest_task, run_task
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Mapping
+    from collections.abc import Callable, Mapping
 
     from garment_dataset.engine.code import Code, CodeCache
     from garment_dataset.engine.executors import Pool
@@ -39,15 +42,18 @@ class Options:
         Run again what failed before with the very same inputs.
     forced : bool
         Run everything, fresh or not.
+    orphans : frozenset of tuple of str
+        Published nodes that no graph has any more: one whose result goes on under another subject is withdrawn.
     """
 
     slots: int = 1
     retry_failed: bool = False
     forced: bool = False
+    orphans: frozenset[tuple[str, ...]] = frozenset()
 
 
 class Run:
-    """One run over a graph. This process alone writes the index and publishes.
+    """One run over a graph. This process alone writes the index and publishes, and it holds the lock.
 
     Parameters
     ----------
@@ -84,44 +90,47 @@ class Run:
         self._codes = codes
         self._code_cache = code_cache
         self._store = store
+        self._stock = Stock(store, options.orphans)
         self._pool = pool
         self._options = options
         self._emit = emit
         self._scratch_dir = store.scratch_dir / uuid.uuid4().hex
-        self._results = store.index.results()
-        self._published = store.index.published()
         self._failures = store.index.failures()
         self._digests = store.index.source_digests()
-        self._nodes = list(graph)
-        self._order = {node.id: number for number, node in enumerate(self._nodes)}
         self._running: dict[Future[Any], tuple[Node, Task | Reading]] = {}
         self._twins: dict[str, list[Node]] = {}
-        self._made: set[str] = set()
         self._troubles: dict[str, Trouble] = {}
         self._suspects: dict[NodeId, Node] = {}
         self._done: dict[NodeId, Result] = {}
         self.report = Report()
         self._take_fresh()
-        self._waiting = {
-            node.id: sum(feeder not in self._done for feeder in node.feeders)
-            for node in self._nodes
-            if node.id not in self._done
-        }
-        self._ready = [self._order[node_id] for node_id, count in self._waiting.items() if not count]
+        self._schedule = Schedule(graph, self._done)
 
     def finish(self) -> Report:
-        """Make everything that is not fresh, and say what became of every node."""
-        self._scratch_dir.mkdir(parents=True)
-        heapq.heapify(self._ready)
+        """Make everything that is not fresh, and say what became of every node.
+
+        Raises
+        ------
+        StorageError
+            If there is no place to work in.
+        """
+        self._store.prepare()
+        try:
+            self._scratch_dir.mkdir(parents=True)
+        except OSError as error:
+            raise StorageError("no scratch space", where=self._scratch_dir, found=error.strerror or error) from error
         try:
             while True:
                 while (node := self._next()) is not None:
                     self._start(node)
                 if not self._running:
+                    self._pool.close()
                     return self.report
                 self._collect()
+        except BaseException:
+            self._pool.kill()
+            raise
         finally:
-            self._pool.close()
             shutil.rmtree(self._scratch_dir, ignore_errors=True)
 
     def _take_fresh(self) -> None:
@@ -136,7 +145,7 @@ class Run:
             if self._options.retry_failed and any(feeder not in self._done for feeder in feeders):
                 continue
             if decision.state is State.FRESH and decision.key is not None:
-                found = self._results[decision.key]
+                found = self._store.results[decision.key]
                 self._done[decision.node] = found
                 self.report.events[decision.node] = Event(decision.node, Ending.FRESH, notes=found.notes)
 
@@ -144,9 +153,7 @@ class Run:
         """Return what to start now; whoever ran when a worker died is tried again alone, to find the culprit."""
         if self._suspects:
             return None if self._running else next(iter(self._suspects.values()))
-        if self._ready and len(self._running) < self._options.slots:
-            return self._nodes[heapq.heappop(self._ready)]
-        return None
+        return self._schedule.take() if len(self._running) < self._options.slots else None
 
     def _start(self, node: Node) -> None:
         """Bring a node as far as possible without work; submit what work it needs."""
@@ -162,27 +169,26 @@ class Run:
                 self._submit(node, digest_task, Reading(path, stat))
                 return
         sources = {path: self._digests[str(path)] for path in node.sources.values()}
-        code = self._codes[node.stage.name]
-        task = make_task(node, code, sources, self._done, self._store, self._scratch_dir)
-        if not self._settled(node, task.key):
-            self._submit(node, run_task, task)
+        task = make_task(node, self._codes[node.stage.name], sources, self._done, self._store, self._scratch_dir)
+        try:
+            if self._is_settled(node, task.key):
+                return
+        except StorageError as error:
+            self._fail(node, task.key, Trouble(type(error).__name__, str(error), is_passing=True))
+            return
+        self._submit(node, run_task, task if self._options.forced else self._stock.with_donor(task))
 
-    def _settled(self, node: Node, key: str) -> bool:
+    def _is_settled(self, node: Node, key: str) -> bool:
         """Deal with a node that needs no work: fresh, in the store already, or known to fail."""
         if key in self._troubles:
             self._fail(node, key, self._troubles[key])
             return True
-        if self._options.forced and key not in self._made:
+        if (found := self._stock.find(node, key, forced=self._options.forced)) is not None:
+            result, ending = found
+            self._end(Event(node.id, ending, notes=result.notes), result)
+            return True
+        if self._options.forced:
             return False
-        found = self._results.get(key)
-        is_published = not self._options.forced and self._published.get(node.id) == key
-        if found is not None and is_published and self._store.is_published(found, node.variant):
-            self._end(Event(node.id, Ending.FRESH, notes=found.notes), found)
-            return True
-        if found is not None and self._store.holds(found):
-            self._store.publish(found, node.variant)
-            self._end(Event(node.id, Ending.LINKED, notes=found.notes), found)
-            return True
         failure = self._failures.get(node.id)
         if failure is not None and failure.key == key and not self._options.retry_failed:
             self._end(Event(node.id, Ending.FAILED, message=failure.message, is_repeated=True))
@@ -199,21 +205,21 @@ class Run:
         except BrokenProcessPool:
             # a worker has died since the last look, before this node had any part in it
             self._restart_pool()
-            self._look_again([node])
+            self._look_again(node)
             return
         self._running[future] = node, work
         self._twins[work.key] = []
 
-    def _look_again(self, nodes: Iterable[Node]) -> None:
+    def _look_again(self, *nodes: Node) -> None:
         for node in nodes:
             if node.id not in self._suspects:
-                heapq.heappush(self._ready, self._order[node.id])
+                self._schedule.put_back(node.id)
 
     def _collect(self) -> None:
         """Wait for a task to end, and deal with all that have; with a death last, since it takes the others along."""
         finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
         broken = {future for future in finished if isinstance(future.exception(), BrokenProcessPool)}
-        for future in sorted(finished - broken, key=lambda future: self._order[self._running[future][0].id]):
+        for future in sorted(finished - broken, key=lambda future: self._schedule.order(self._running[future][0])):
             if future not in self._running:
                 continue
             node, work = self._running.pop(future)
@@ -222,7 +228,7 @@ class Run:
                 self._finish(node, work, future.result())
             else:
                 self._digested(node, work, future.result())
-            self._look_again(twins)
+            self._look_again(*twins)
         if not broken.isdisjoint(self._running):
             self._restart_pool()
 
@@ -239,36 +245,65 @@ class Run:
             self._fail(node, work.key, trouble)
         else:
             self._suspects |= {node.id: node for node, _ in interrupted}
-        self._look_again(twins)
+        self._look_again(*twins)
 
     def _digested(self, node: Node, reading: Reading, found: str | Trouble) -> None:
         if isinstance(found, Trouble):
             self._fail(node, reading.key, found)
             return
-        self._store.index.set_source_digest(*reading, found)
+        with contextlib.suppress(StorageError):  # then it is read once more, next time
+            self._store.index.set_source_digest(*reading, found)
         self._digests[reading.key] = (reading.stat, found)
         self._start(node)
 
     def _finish(self, node: Node, task: Task, ended: Success | Trouble) -> None:
+        """Store and publish what a task made, unless something is wrong with it."""
         if isinstance(ended, Success) and not self._code_cache.is_as_read(node.stage):
             message = "its code was edited during the build; nothing made of it was kept"
-            for output in ended.outputs.values():
-                output.path.unlink()
+            for written in ended.outputs.values():
+                written.path.unlink(missing_ok=True)
             ended = Trouble("CodeChanged", message, is_passing=True)
-        if isinstance(ended, Trouble):
+        if isinstance(ended, Success):
+            try:
+                self._keep(node, task, ended)
+            except StorageError as error:
+                ended = Trouble(type(error).__name__, str(error), is_passing=True)
+        if isinstance(ended, Trouble) and not self._is_healed(node, ended):
             self._fail(node, task.key, ended)
-            return
-        outputs = {
-            table: StoredOutput(self._store.adopt(written.path, written.digest), written.content, written.rows)
-            for table, written in ended.outputs.items()
-        }
-        result = Result(task.key, node.stage.name, node.subject, node.partition, outputs, task.facts, ended.notes)
-        self._results[result.key] = result
-        self._made.add(result.key)
-        with self._store.index.transaction():
-            self._store.index.add_result(result)
-            self._store.publish(result, node.variant)
-        self._end(Event(node.id, Ending.BUILT, ended.seconds, notes=ended.notes), result)
+
+    def _keep(self, node: Node, task: Task, made: Success) -> None:
+        outputs, replaced = {}, False
+        for table, written in made.outputs.items():
+            file, was_damaged = self._store.objects.take_in(written.path, written.digest)
+            outputs[table] = StoredOutput(file, written.content, written.rows, written.labelled)
+            replaced |= was_damaged
+        result = Result(
+            task.key, node.stage.name, node.subject, node.partition, outputs, task.facts, made.notes, task.body
+        )
+        self._stock.add(result, node)
+        message = "replaces what was damaged in the store" if replaced or task.key in self._stock.distrusted else ""
+        ending = Ending.BUILT
+        if task.donor:
+            ending, message = Ending.RELABELLED, f"from {task.donor_subject}" if task.donor_subject else message
+            self._stock.withdraw_donor(node, task.donor_subject)
+        self._end(Event(node.id, ending, made.seconds, message=message, notes=made.notes), result)
+
+    def _is_healed(self, node: Node, trouble: Trouble) -> bool:
+        """Have a stored table that turned out damaged made anew, and then the node that was to read it."""
+        if trouble.damaged is None:
+            return False
+        feeder = self._stock.distrust(
+            trouble.damaged, {each: self._done[each] for each in node.feeders if each in self._done}
+        )
+        if feeder is None:
+            return False
+        if feeder in self._done:
+            del self._done[feeder]
+            self.report.events.pop(feeder, None)
+            self._schedule.put_back(feeder)
+        self._suspects.pop(node.id, None)
+        self._schedule.put_back(node.id)
+        return True
 
     def _fail(self, node: Node, key: str, trouble: Trouble) -> None:
         """End a node with a failure; it stands until the key changes, unless it is a passing one."""
@@ -277,9 +312,10 @@ class Run:
         before = self._failures.get(node.id)
         attempts = before.attempts + 1 if before is not None and before.key == key else 1
         known_by = "" if trouble.is_passing else key
-        self._store.index.set_failure(
-            Failure(*node.id, known_by, trouble.kind, trouble.message, trouble.traceback, attempts)
-        )
+        with contextlib.suppress(StorageError):  # a full disk: what is said now has to do
+            self._store.index.set_failure(
+                Failure(*node.id, known_by, trouble.kind, trouble.message, trouble.traceback, attempts)
+            )
         self._end(Event(node.id, Ending.FAILED, message=trouble.message))
 
     def _end(self, event: Event, result: Result | None = None) -> None:
@@ -287,9 +323,5 @@ class Run:
         self._suspects.pop(event.node, None)
         if result is not None:
             self._done[event.node] = result
-        for node_id in self._graph.downstream(event.node):
-            if node_id in self._waiting:
-                self._waiting[node_id] -= 1
-                if not self._waiting[node_id]:
-                    heapq.heappush(self._ready, self._order[node_id])
+        self._schedule.end(event.node)
         self._emit(event)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING, NamedTuple
 
+from garment_dataset.engine.canonical import digest
 from garment_dataset.engine.errors import SourceError
 
 if TYPE_CHECKING:
@@ -14,12 +15,15 @@ if TYPE_CHECKING:
 class SourceStat(NamedTuple):
     """What the file system says of a source; equal values mean that its content need not be read again.
 
-    For a folder the sizes are summed, and the latest time and a sum of inodes stand for all files.
+    The time of the last change of the inode is among it, since nobody can set that back. For a folder the sizes are
+    summed, the latest times stand for all files, and the third number names all files with their states: two of them
+    swapped are another folder.
     """
 
     size_bytes: int
     mtime_ns: int
     inode: int
+    ctime_ns: int
 
 
 def source_files(path: Path) -> list[Path]:
@@ -30,16 +34,25 @@ def source_files(path: Path) -> list[Path]:
 
 
 def stat_source(path: Path) -> SourceStat | None:
-    """Return the state of a source, or None when it is not there."""
+    """Return the state of a source, or None when it is not there or out of reach."""
     try:
         if path.is_dir():
-            stats = [file.stat() for file in source_files(path)]
-            mtime_ns = max((stat.st_mtime_ns for stat in stats), default=0)
-            return SourceStat(sum(stat.st_size for stat in stats), mtime_ns, sum(stat.st_ino for stat in stats))
+            return _stat_folder(path)
         stat = path.stat()
-    except FileNotFoundError:
+    except OSError:
         return None
-    return SourceStat(stat.st_size, stat.st_mtime_ns, stat.st_ino)
+    return SourceStat(stat.st_size, stat.st_mtime_ns, stat.st_ino, stat.st_ctime_ns)
+
+
+def _stat_folder(path: Path) -> SourceStat:
+    stats = {file.relative_to(path).as_posix(): file.stat() for file in source_files(path)}
+    listing = [[name, each.st_size, each.st_mtime_ns, each.st_ino] for name, each in stats.items()]
+    return SourceStat(
+        sum(each.st_size for each in stats.values()),
+        max((each.st_mtime_ns for each in stats.values()), default=0),
+        int(digest("folder-state/1", listing)[:15], 16),  # SQLite holds 63 bits
+        max((each.st_ctime_ns for each in stats.values()), default=0),
+    )
 
 
 def digest_source(path: Path) -> str:

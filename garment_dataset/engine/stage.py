@@ -9,6 +9,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 from pydantic import BaseModel, ConfigDict
 
+from garment_dataset.engine.canonical import digest
+
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
     from pathlib import Path
@@ -50,6 +52,9 @@ class Stage:
         Which of the arguments are external sources.
     home : Path or None
         Folder to import its module from, where that is not installed.
+    reads_identity : bool
+        Whether the function sees the identity columns of its input tables. If not, the same rows of another subject are
+        the same input. In gathered tables it always sees them.
     """
 
     function: Callable[..., Mapping[str, pa.Table]]
@@ -57,6 +62,7 @@ class Stage:
     outputs: tuple[TableSpec, ...]
     sources: frozenset[str] = frozenset()
     home: Path | None = None
+    reads_identity: bool = False
 
     @property
     def name(self) -> str:
@@ -88,6 +94,13 @@ class Stage:
         """Those of its tables that it can do without."""
         parameters = inspect.signature(self.function).parameters
         return frozenset(name for name in self.inputs if parameters[name].default is not inspect.Parameter.empty)
+
+    @cached_property
+    def declaration(self) -> str:
+        """Digest of the tables that it declares, as they are described in the files, and of its sources."""
+        return digest(
+            "stage/1", [[output.describe() for output in self.outputs], sorted(self.sources), self.reads_identity]
+        )
 
     def run(self, arguments: Mapping[str, Any], params: StageParams) -> Mapping[str, pa.Table]:
         """Call the function."""

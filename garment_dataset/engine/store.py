@@ -1,7 +1,7 @@
 """Where results live: content-addressed Parquet objects, and links to them where users look.
 
 The files are the truth. The index (SQLite, written by the coordinating process only) makes them quick to find; it can
-be deleted at any time and is rebuilt from their footers.
+be deleted or damaged at any time and is made anew from their footers.
 """
 
 from __future__ import annotations
@@ -12,14 +12,16 @@ import shutil
 import warnings
 from typing import TYPE_CHECKING
 
-from garment_dataset.engine.errors import DataWarning, StoreError
-from garment_dataset.engine.index import Index, Result, StoredFile
+from garment_dataset.engine.errors import DataWarning, StorageError, StoreError
+from garment_dataset.engine.index import Index, IndexDamagedError
+from garment_dataset.engine.objects import Objects, file_digest, place
+from garment_dataset.engine.results import Result, StoredFile
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable
     from pathlib import Path
 
-_FICLONE = 0x40049409  # Linux: share the blocks of another file until one of the two is written
+_HIDDEN = ".scratch"
 
 
 class Store:
@@ -31,48 +33,95 @@ class Store:
         Holds ``objects/``, ``scratch/`` and ``index.sqlite``; made when first written to.
     features_dir : Path
         Holds the links ``<table>/<partition>/<subject>.parquet``, those of a named variant below ``variant=<name>/``.
+
+    Raises
+    ------
+    StorageError
+        If the index is in use by another program, or cannot be opened.
     """
 
     def __init__(self, private_dir: Path, features_dir: Path) -> None:
-        self.objects_dir = private_dir / "objects"
+        self.private_dir = private_dir
+        self.objects = Objects(private_dir / "objects")
         self.scratch_dir = private_dir / "scratch"
         self.features_dir = features_dir
-        known = (private_dir / "index.sqlite").is_file()
-        self.index = Index(private_dir / "index.sqlite")
-        if not known and self.objects_dir.is_dir():
-            self.rebuild_index()
+        self._index_path = private_dir / "index.sqlite"
+        self._is_lasting = True
+        try:
+            self.index = Index(self._index_path)
+            self.results = self.index.results()
+        except IndexDamagedError as error:
+            self._do_without_index(error)
+
+    def _do_without_index(self, error: IndexDamagedError) -> None:
+        """Read everything from the footers, into memory: only who may write puts it on disk, see :meth:`prepare`."""
+        if os.path.lexists(self._index_path):
+            warnings.warn(f"{error}: read anew from the results", DataWarning, stacklevel=3)
+        with contextlib.suppress(AttributeError):
+            self.index.close()
+        self._is_lasting = False
+        self.index = Index(None)
+        self._read_footers()
+        self.results = self.index.results()
+
+    def prepare(self) -> None:
+        """Make ready for writing: the index lasts from here on, and what dead processes left behind is cleared away.
+
+        The caller holds the lock: whatever lies in the scratch folders belongs to nobody.
+
+        Raises
+        ------
+        StorageError
+            If the folders cannot be written.
+        """
+        self.clear_scratch()
+        if not self._is_lasting:
+            self.index.close()
+            if self._index_path.is_dir():
+                raise StorageError(
+                    "a folder lies where the index belongs", where=self._index_path, hint="Move it away."
+                )
+            self.index = Index.create(self._index_path)
+            self._is_lasting = True
+            self._read_footers()
+            self.results = self.index.results()
+
+    @property
+    def scratch_dirs(self) -> tuple[Path, ...]:
+        """The folders for what is half done; nothing in them is worth anything once its process has ended."""
+        return self.scratch_dir, self.features_dir / _HIDDEN
+
+    def clear_scratch(self) -> None:
+        """Remove the folders for what is half done; raises as :meth:`prepare` does."""
+        for folder in self.scratch_dirs:
+            if os.path.lexists(folder):
+                _clear(folder)
 
     def close(self) -> None:
         """Close the index."""
         self.index.close()
 
-    def object_path(self, digest: str) -> Path:
-        """Return where the object with this sha256 lies."""
-        return self.objects_dir / digest[:2] / f"{digest}.parquet"
-
     def table_path(self, result: Result, table: str, variant: str) -> Path:
         """Return where a table can be read: among the objects or, should it be gone there, where users find it."""
-        path = self.object_path(result.outputs[table].file.digest)
+        path = self.objects.path(result.outputs[table].file.digest)
         published = self.feature_path(table, result.partition, result.subject, variant)
         return path if path.exists() else published
 
-    def adopt(self, scratch: Path, digest: str) -> StoredFile:
-        """Move a finished scratch file among the objects, atomically; an equal object that is there already is kept."""
-        path = self.object_path(digest)
-        if path.exists():
-            scratch.unlink()
-        else:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            scratch.chmod(0o444)
-            scratch.replace(path)
-        stat = path.stat()
-        return StoredFile(digest, stat.st_size, stat.st_mtime_ns)
-
     def holds(self, result: Result) -> bool:
-        """Say whether every object of a result is there, with the size and time it was stored with."""
-        return all(
-            _is_as_stored(self.object_path(output.file.digest), output.file) for output in result.outputs.values()
-        )
+        """Say whether every object of a result is there, and whole."""
+        return all(self.objects.holds(output.file) for output in result.outputs.values())
+
+    def restore(self, result: Result, variant: str) -> bool:
+        """Put objects that are gone or damaged back from where they are published; say whether all are whole then."""
+        for table, output in result.outputs.items():
+            if self.objects.holds(output.file):
+                continue
+            self.objects.discard(output.file.digest)
+            published = self.feature_path(table, result.partition, result.subject, variant)
+            with contextlib.suppress(OSError):
+                if published.is_file() and file_digest(published) == output.file.digest:
+                    place(published, self.objects.path(output.file.digest), self.scratch_dir)
+        return self.holds(result)
 
     def folder(self, variant: str = "") -> Path:
         """Return where the tables of a variant lie; those of the usual one stand above."""
@@ -85,37 +134,59 @@ class Store:
     def is_published(self, result: Result, variant: str = "") -> bool:
         """Say whether users find exactly this result."""
         # text, not Path: a plan asks this of every file there is
-        place = f"{result.partition}/{result.subject}" if result.partition else result.subject
+        where = f"{result.partition}/{result.subject}" if result.partition else result.subject
         folder = f"{self.features_dir}/variant={variant}" if variant else self.features_dir
         return all(
-            _is_as_stored(f"{folder}/{table}/{place}.parquet", output.file) for table, output in result.outputs.items()
+            self.objects.is_whole(f"{folder}/{table}/{where}.parquet", output.file)
+            for table, output in result.outputs.items()
         )
+
+    def remember(self, result: Result) -> None:
+        """Enter a result whose objects are stored."""
+        self.index.add_result(result)
+        self.results[result.key] = result
 
     def publish(self, result: Result, variant: str = "") -> None:
         """Link a result to where users look; each file changes from old to new in one instant.
 
         When the subject has moved to another partition, its old files go once the new ones are there.
+
+        Raises
+        ------
+        StorageError
+            If that cannot be written.
         """
-        old = self.index.published_partition(result.stage, result.subject, variant)
+        old = self.index.published_partition((result.stage, result.subject, variant))
         for table, output in result.outputs.items():
             target = self.feature_path(table, result.partition, result.subject, variant)
-            target.parent.mkdir(parents=True, exist_ok=True)
-            _link(self.object_path(output.file.digest), target)
+            place(self.objects.path(output.file.digest), target, self.features_dir / _HIDDEN)
             if old not in {None, result.partition}:
                 self.feature_path(table, str(old), result.subject, variant).unlink(missing_ok=True)
         self.index.set_published(result, variant)
+        with contextlib.suppress(OSError):
+            (self.features_dir / _HIDDEN).rmdir()
 
-    def rebuild_index(self) -> int:
-        """Read the index anew from the footers of all objects; return how many there are."""
+    def withdraw(self, node: tuple[str, ...], result: Result | None) -> None:
+        """Take a result from where users look; its objects stay."""
+        if result is not None:
+            for table in result.outputs:
+                path = self.feature_path(table, result.partition, result.subject, node[2])
+                path.unlink(missing_ok=True)
+                _remove_empty(path.parent, self.features_dir)
+        self.index.forget_nodes([node])
+
+    def _read_footers(self) -> None:
+        """Fill the index from the footers of all objects that are what their names say."""
         from garment_dataset.engine.artifacts import read_provenance
 
         footers = []
-        for path in self._objects():
-            stat = path.stat()
+        for path in self.objects:
             try:
-                footers.append((StoredFile(path.stem, stat.st_size, stat.st_mtime_ns), read_provenance(path)))
-            except StoreError as error:
-                warnings.warn(f"left out of the index: {error}", DataWarning, stacklevel=2)
+                stat = path.stat()
+                if file_digest(path) == path.stem:
+                    footers.append((StoredFile(path.stem, stat.st_size, stat.st_mtime_ns), read_provenance(path)))
+            except (OSError, StoreError):
+                continue  # whatever it was, it is made anew when it is wanted
         results = Result.from_footers(footers)
         named = (path.name.removeprefix("variant=") for path in sorted(self.features_dir.glob("variant=*")))
         variants = ("", *named)
@@ -125,46 +196,32 @@ class Store:
                 for variant in variants:
                     if self.is_published(result, variant):
                         self.index.set_published(result, variant)
-        return len(footers)
 
-    def _objects(self) -> Iterator[Path]:
-        for path in sorted(self.objects_dir.glob("??/*.parquet")):
-            if path.name.startswith(path.parent.name):
-                yield path
+    def forget(self, keys: Iterable[str]) -> None:
+        """Forget results whose objects were removed."""
+        for key in list(keys):
+            self.index.forget_results([key])
+            self.results.pop(key, None)
 
 
-def _is_as_stored(path: Path | str, file: StoredFile) -> bool:
+def _clear(folder: Path) -> None:
     try:
-        stat = os.stat(path)  # noqa: PTH116 - twice as fast as Path.stat
-    except FileNotFoundError:
-        return False
-    return (stat.st_size, stat.st_mtime_ns) == (file.size_bytes, file.mtime_ns)
-
-
-def _link(source: Path, target: Path) -> None:
-    """Put the content of ``source`` at ``target``: shared blocks where the disk can, else a hard link, else a copy."""
-    temporary = target.with_name(f".{target.name}.{os.getpid()}")
-    try:
-        temporary.unlink(missing_ok=True)
-        if not _reflink(source, temporary):
-            try:
-                temporary.hardlink_to(source)
-            except OSError:
-                shutil.copy2(source, temporary)
-        temporary.replace(target)
+        if folder.is_dir() and not folder.is_symlink():
+            shutil.rmtree(folder)
+        else:
+            folder.unlink()
     except OSError as error:
-        raise StoreError("a result cannot be published", where=target, found=error.strerror or error) from error
-    finally:
-        # rename(2) leaves the temporary name when both are links to one file
-        temporary.unlink(missing_ok=True)
+        raise StorageError("scratch space cannot be cleared", where=folder, found=error.strerror or error) from error
 
 
-def _reflink(source: Path, target: Path) -> bool:
-    import fcntl
-
-    with source.open("rb") as old, target.open("xb") as new, contextlib.suppress(OSError):
-        fcntl.ioctl(new.fileno(), _FICLONE, old.fileno())
-        shutil.copystat(source, target)
-        return True
-    target.unlink()
-    return False
+def _remove_empty(folder: Path, root: Path) -> None:
+    """Remove a folder, and those above it, as far as nothing is in them but a table's description."""
+    while folder != root and folder.is_relative_to(root):
+        with contextlib.suppress(OSError):
+            if [path.name for path in folder.iterdir()] == ["_schema.json"]:
+                (folder / "_schema.json").unlink()
+        try:
+            folder.rmdir()
+        except OSError:
+            return
+        folder = folder.parent

@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
-from garment_dataset.engine.facts import input_digests, node_facts, node_key, notes_of
-from garment_dataset.engine.worker import Task
+from garment_dataset.engine.facts import body_digest, input_digests, node_facts, node_key, notes_of
+from garment_dataset.engine.worker import StoredTable, Task
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -14,7 +15,7 @@ if TYPE_CHECKING:
     from garment_dataset.engine.code import Code
     from garment_dataset.engine.events import Report
     from garment_dataset.engine.graph import Node, NodeId
-    from garment_dataset.engine.index import Result
+    from garment_dataset.engine.results import Result
     from garment_dataset.engine.sources import SourceStat
     from garment_dataset.engine.store import Store
 
@@ -58,11 +59,12 @@ def make_task(
         Where the worker writes.
     """
 
-    def content(feeder: NodeId, table: str) -> str | None:
-        return done[feeder].outputs[table].content if feeder in done else None
+    def content(feeder: NodeId, table: str, labelled: bool) -> str | None:
+        return done[feeder].outputs[table].digest(labelled=labelled) if feeder in done else None
 
-    def path(feeder: NodeId, table: str) -> Path:
-        return store.table_path(done[feeder], table, feeder.variant)
+    def stored(feeder: NodeId, table: str) -> StoredTable:
+        path = store.table_path(done[feeder], table, feeder.variant)
+        return StoredTable(path, done[feeder].outputs[table].file.digest)
 
     digests = input_digests(node, lambda source: sources[source][1], content)
     upstream_notes = notes_of(node, done)
@@ -74,9 +76,9 @@ def make_task(
         partition=node.partition,
         params=facts["params"],
         sources={name: (source, sources[source][0]) for name, source in node.sources.items()},
-        inputs={table: path(feeder, table) for table, feeder in node.inputs.items()},
+        inputs={table: stored(feeder, table) for table, feeder in node.inputs.items()},
         gathers={
-            table: {feeder.subject: path(feeder, table) for feeder in members if feeder in done}
+            table: {feeder.subject: stored(feeder, table) for feeder in members if feeder in done}
             for table, members in node.gathers.items()
         },
         notes=_left_out(node, done),
@@ -84,8 +86,19 @@ def make_task(
         labels=node.labels,
         key=node_key(facts),
         facts=facts,
+        body=body_digest(facts),
+        code_files=code.files,
         scratch_dir=scratch_dir,
     )
+
+
+def take_over(task: Task, donor: Result, store: Store) -> Task:
+    """Return a task that labels another subject's tables anew: of the same body, they are what would be made."""
+    tables = {
+        table: StoredTable(store.objects.path(output.file.digest), output.file.digest)
+        for table, output in donor.outputs.items()
+    }
+    return replace(task, donor=tables, donor_subject=donor.subject, donor_notes=donor.notes)
 
 
 def _left_out(node: Node, done: Mapping[NodeId, Result]) -> tuple[str, ...]:

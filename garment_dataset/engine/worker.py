@@ -2,32 +2,49 @@
 
 from __future__ import annotations
 
-import hashlib
-import os
-import signal
+import errno
+import re
 import time
 import traceback
 import uuid
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from garment_dataset.engine.errors import DataWarning, ReportedError, SourceChangedError, StageError
+from garment_dataset.engine.canonical import digest
+from garment_dataset.engine.errors import (
+    CodeChangedError,
+    DataWarning,
+    ReportedError,
+    ResultDamagedError,
+    SourceChangedError,
+    StageError,
+)
+from garment_dataset.engine.loaded import edited_since_loaded
 from garment_dataset.engine.loading import load_stage
+from garment_dataset.engine.objects import file_digest
 from garment_dataset.engine.sources import digest_source, stat_source
 from garment_dataset.engine.stage import NOTES
+from garment_dataset.engine.threads import one_thread
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-    from pathlib import Path
 
     import pyarrow as pa
 
     from garment_dataset.engine.sources import SourceStat
     from garment_dataset.engine.stage import Stage
-    from garment_dataset.engine.table import Label
+    from garment_dataset.engine.table import Label, TableSpec
 
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
+_PASSING = frozenset({errno.ENOSPC, errno.EDQUOT, errno.ENOMEM, errno.EIO, errno.EMFILE, errno.ENFILE, errno.EROFS})
+
+
+class StoredTable(NamedTuple):
+    """A table to be read: where it is, and the sha256 that its bytes must have."""
+
+    path: Path
+    digest: str
 
 
 @dataclass(frozen=True)
@@ -46,10 +63,10 @@ class Task:
         Resolved parameters, as JSON.
     sources : mapping of str to (Path, SourceStat)
         External inputs, and the state they must still be in afterwards.
-    inputs : mapping of str to Path
-        Objects with the input tables.
-    gathers : mapping of str to mapping of str to Path
-        Objects with the tables of several subjects, by input and subject.
+    inputs : mapping of str to StoredTable
+        The input tables.
+    gathers : mapping of str to mapping of str to StoredTable
+        The tables of several subjects, by input and subject.
     notes : tuple of str
         What is to be kept with the result whatever the stage says.
     upstream_notes : mapping of str to tuple of str
@@ -60,6 +77,16 @@ class Task:
         Name of the result.
     facts : mapping
         Pre-image of the key, for the footer.
+    body : str
+        Names what the function makes, before it is labelled.
+    code_files : mapping of str to str
+        The source files that the code in the key was read from, and the state of their content.
+    donor : mapping of str to StoredTable
+        The tables of another subject with the same body: they are labelled anew, and the function is not run.
+    donor_subject : str
+        Whose they are.
+    donor_notes : tuple of str
+        What the stage said when it made them.
     scratch_dir : Path
         Where the tables are written; on the same disk as the store.
     """
@@ -70,14 +97,19 @@ class Task:
     partition: str
     params: Mapping[str, Any]
     sources: Mapping[str, tuple[Path, SourceStat]]
-    inputs: Mapping[str, Path]
-    gathers: Mapping[str, Mapping[str, Path]]
+    inputs: Mapping[str, StoredTable]
+    gathers: Mapping[str, Mapping[str, StoredTable]]
     notes: tuple[str, ...]
     upstream_notes: Mapping[str, tuple[str, ...]]
     labels: tuple[Label, ...]
     key: str
     facts: Mapping[str, Any]
+    body: str
+    code_files: Mapping[str, str]
     scratch_dir: Path
+    donor: Mapping[str, StoredTable] = field(default_factory=dict)
+    donor_subject: str = ""
+    donor_notes: tuple[str, ...] = ()
 
 
 class Reading(NamedTuple):
@@ -93,12 +125,13 @@ class Reading(NamedTuple):
 
 
 class Written(NamedTuple):
-    """One table on scratch: where, the sha256 of its bytes, its content digest, its number of rows."""
+    """One table on scratch: where, the sha256 of its bytes, its content digest, its rows, its digest with labels."""
 
     path: Path
     digest: str
     content: str
     rows: int
+    labelled: str
 
 
 @dataclass(frozen=True)
@@ -121,27 +154,37 @@ class Trouble:
     message, traceback : str
         What it says, and where it came from.
     is_passing : bool
-        It came from what happened meanwhile: the very same run may succeed next time.
+        It came from what happened meanwhile, or from the machine: the very same run may succeed next time.
+    damaged : Path or None
+        A stored table that is not what was stored, and has to be made anew first.
     """
 
     kind: str
     message: str
     traceback: str = ""
     is_passing: bool = False
+    damaged: Path | None = None
 
     @classmethod
     def of(cls, error: Exception) -> Trouble:
         """Describe the error that is being handled; one of a bug with its class in front."""
         kind = type(error).__name__
         message = str(error) if isinstance(error, ReportedError) else f"{kind}: {error}"
-        return cls(kind, message, traceback.format_exc(), isinstance(error, SourceChangedError))
+        if isinstance(error, OSError) and error.errno in _PASSING:
+            message = f"{error.strerror}: nothing of this result was kept; build again when that is mended"
+        damaged = Path(error.where) if isinstance(error, ResultDamagedError) and error.where else None
+        return cls(kind, message, traceback.format_exc(), _is_passing(error), damaged)
 
 
-def prepare_process() -> None:
-    """Set up a worker process: one thread each, and Ctrl-C left to the coordinating process."""
-    for variable in _ONE_THREAD:
-        os.environ[variable] = "1"
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
+def _is_passing(error: BaseException | None) -> bool:
+    """Say whether an error, or what it came from, is of the moment or of the machine, and not of the data."""
+    while error is not None:
+        if isinstance(error, SourceChangedError | ResultDamagedError | CodeChangedError | MemoryError):
+            return True
+        if isinstance(error, OSError) and error.errno in _PASSING:
+            return True
+        error = error.__cause__
+    return False
 
 
 def run_task(task: Task) -> Success | Trouble:
@@ -165,52 +208,80 @@ def digest_task(reading: Reading) -> str | Trouble:
 
 
 def _run(task: Task) -> tuple[dict[str, Written], tuple[str, ...]]:
-    from garment_dataset.engine.artifacts import read_artifact
-
     stage: Stage = load_stage(task.module, task.home)
-    arguments: dict[str, Any] = {name: path for name, (path, _) in task.sources.items()}
-    arguments |= {name: read_artifact(path) for name, path in task.inputs.items()}
-    for name, paths in task.gathers.items():
-        arguments[name] = {subject: read_artifact(path) for subject, path in paths.items()}
-    if stage.takes_notes:
-        arguments[NOTES] = dict(task.upstream_notes)
-    with warnings.catch_warnings(record=True) as caught:
-        warnings.simplefilter("always", DataWarning)
-        tables = stage.run(arguments, stage.params.model_validate(task.params))
-    said = (str(item.message) for item in caught if issubclass(item.category, DataWarning))
-    notes = tuple(dict.fromkeys((*task.notes, *said)))
-    for path, stat in task.sources.values():
-        _check_unchanged(path, stat)
+    _check_code(task)
+    if task.donor:
+        tables, notes = _take_over(task)
+    else:
+        tables, notes = _call(stage, task)
+        _check_code(task)  # what the function imported
     expected = [output.name for output in stage.outputs]
     if sorted(tables) != sorted(expected):
         raise StageError(
             "returns other tables than it declares", where=stage.name, expected=expected, found=list(tables)
         )
-    written = {
-        output.name: _write(output.labelled(tables[output.name], task.labels), output.name, expected, task, notes)
-        for output in stage.outputs
-    }
+    written = {output.name: _write(output, tables[output.name], expected, task, notes) for output in stage.outputs}
     return written, notes
 
 
-def _write(table: pa.Table, name: str, tables: list[str], task: Task, notes: tuple[str, ...]) -> Written:
+def _call(stage: Stage, task: Task) -> tuple[Mapping[str, pa.Table], tuple[str, ...]]:
+    """Run the function; return its tables, and what it said."""
+    from garment_dataset.engine.artifacts import read_artifact, read_labelled
+
+    read = read_labelled if stage.reads_identity else read_artifact
+    arguments: dict[str, Any] = {name: path for name, (path, _) in task.sources.items()}
+    arguments |= {name: read(*stored) for name, stored in task.inputs.items()}
+    for name, members in task.gathers.items():
+        arguments[name] = {subject: read_labelled(*stored) for subject, stored in members.items()}
+    if stage.takes_notes:
+        arguments[NOTES] = dict(task.upstream_notes)
+    with warnings.catch_warnings(record=True) as caught, one_thread():
+        warnings.simplefilter("always", DataWarning)
+        tables = stage.run(arguments, stage.params.model_validate(task.params))
+    for path, stat in task.sources.values():
+        _check_unchanged(path, stat)
+    said = (str(item.message) for item in caught if issubclass(item.category, DataWarning))
+    return tables, tuple(dict.fromkeys((*task.notes, *said)))
+
+
+def _take_over(task: Task) -> tuple[Mapping[str, pa.Table], tuple[str, ...]]:
+    """Return the tables of another subject, of which the function would make the same, and what it would say."""
+    from garment_dataset.engine.artifacts import read_artifact
+
+    name = re.compile(rf"(?<!\w){re.escape(task.donor_subject)}(?!\w)")
+    notes = tuple(name.sub(lambda _: task.subject, note) for note in task.donor_notes)
+    return {table: read_artifact(*stored) for table, stored in task.donor.items()}, notes
+
+
+def _write(output: TableSpec, table: pa.Table, tables: list[str], task: Task, notes: tuple[str, ...]) -> Written:
     from garment_dataset.engine.artifacts import content_digest, write_artifact
 
+    labelled = output.labelled(table.replace_schema_metadata(None), task.labels)
     content = content_digest(table)
+    with_labels = digest("labelled/1", [content, {label.column.name: label.value for label in task.labels}])
     footer = {
         "key": task.key,
-        "table": name,
+        "table": output.name,
         "tables": tables,
         "subject": task.subject,
         "partition": task.partition,
         "facts": task.facts,
+        "body": task.body,
         "content": content,
+        "labelled": with_labels,
         "rows": table.num_rows,
         "notes": notes,
     }
     path = task.scratch_dir / f"{uuid.uuid4().hex}.parquet"
-    write_artifact(table, path, footer)
-    return Written(path, hashlib.sha256(path.read_bytes()).hexdigest(), content, table.num_rows)
+    write_artifact(labelled, path, footer)
+    return Written(path, file_digest(path), content, table.num_rows, with_labels)
+
+
+def _check_code(task: Task) -> None:
+    edited = edited_since_loaded(task.code_files)
+    if edited is not None:
+        hint = "Nothing made of it was kept; build again, and in a process that has been running since, start anew."
+        raise CodeChangedError("its code was edited since it was loaded", where=edited, hint=hint)
 
 
 def _check_unchanged(path: Path, stat: SourceStat) -> None:

@@ -223,4 +223,4 @@ def _counted(reasons: Iterable[str]) -> list[str]:
     return [f"{reason}: {count}" for reason, count in counts.most_common()]
 
 
-STAGE = Stage(quality, params=QualityParams, outputs=(QUALITY,))
+STAGE = Stage(quality, params=QualityParams, outputs=(QUALITY,), reads_identity=True)

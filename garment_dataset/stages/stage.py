@@ -82,7 +82,7 @@ class Stage(EngineStage):
 
     Parameters
     ----------
-    function, params, outputs, home
+    function, params, outputs, home, reads_identity
         As for the engine's stage.
     sources : frozenset of str
         Which of the arguments are external: ``bag`` gives the path of the recording.

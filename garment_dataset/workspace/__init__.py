@@ -32,9 +32,17 @@ class Workspace(Layout):
         *filters : str
             Which recordings, as on the command line; none for all.
         jobs, retry_failed, forced
-            See :meth:`garment_dataset.workspace.session.Session.run`.
+            See :func:`garment_dataset.workspace.building.build`.
+
+        Raises
+        ------
+        FilterError
+            If no recording matches the filters.
+        StoreError
+            If the workspace cannot be written.
         """
+        from garment_dataset.workspace import building
         from garment_dataset.workspace.session import Session
 
         with Session(self, filters) as session:
-            return session.run(session.plan(), jobs=jobs, retry_failed=retry_failed, forced=forced)
+            return building.build(session, jobs=jobs, retry_failed=retry_failed, forced=forced)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import difflib
-import json
-import os
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
 from garment_dataset.catalog import Catalog
 from garment_dataset.engine.code import CodeCache
+from garment_dataset.engine.graph import NodeId
 from garment_dataset.engine.plan import State, make_plan
 from garment_dataset.engine.store import Store
 from garment_dataset.errors import FilterError, UsageError
@@ -26,9 +25,10 @@ if TYPE_CHECKING:
 
     from garment_dataset.catalog import CatalogRow
     from garment_dataset.engine.code import Code
-    from garment_dataset.engine.events import Event, Report
+    from garment_dataset.engine.events import Event
     from garment_dataset.engine.graph import Graph
     from garment_dataset.engine.plan import Plan
+    from garment_dataset.engine.run import Run
     from garment_dataset.layout import Layout
     from garment_dataset.stages import Stage
 
@@ -71,17 +71,38 @@ class Session:
 
     def __init__(self, layout: Layout, filters: Sequence[str] = (), stages: Sequence[str] = ()) -> None:
         self.layout = layout
+        self._filters = tuple(filters)
+        self._stage_names = tuple(stages)
+        self._subject = ""
+        self._read()
+        self.store = Store(layout.private_dir, layout.features_dir)
+
+    def _read(self) -> None:
+        """Read everything that a person edits."""
+        layout = self.layout
         self.catalog = Catalog.load(layout.catalog_dir).with_folder(layout.recordings_dir)
         known = KnownStages.of(layout)
         self.pipelines = load_pipelines(layout.pipelines_dir, known)
         named = {stage.name: stage for pipeline in self.pipelines for stage in pipeline.stages}
         self.stages: list[Stage] = [named[name] for name in known.names if name in named]
-        self.selection = self._select(filters)
+        self.selection = self._select(self._filters)
         drawn = draw_graph(self.catalog, self.pipelines, self.selection.rows)
-        self.graph = drawn.graph if not stages else self._restrict(drawn.graph, stages)
-        self.partial_groups = drawn.partial_groups
-        self._roots = known.roots()
-        self.store = Store(layout.private_dir, layout.features_dir)
+        self.graph = drawn.graph if not self._stage_names else self._restrict(drawn.graph, self._stage_names)
+        if self._subject:
+            self.graph = self.graph.restricted_to(node.id for node in self.graph if node.subject == self._subject)
+        self.partial_groups = [
+            node_id for node_id in drawn.partial_groups if not self._stage_names or node_id.stage in self._stage_names
+        ]
+        self._code_cache = CodeCache(layout.private_dir / "code", known.roots())
+        for name in ("codes", "_whole_graph"):
+            self.__dict__.pop(name, None)
+
+    def reload(self, *, everything: bool) -> None:
+        """Read the index anew, which another process may have written; and, on demand, all that a person edits."""
+        self.store.close()
+        if everything:
+            self._read()
+        self.store = Store(self.layout.private_dir, self.layout.features_dir)
 
     @classmethod
     def about(cls, layout: Layout, name: str, stages: Sequence[str] = ()) -> Self:
@@ -104,6 +125,7 @@ class Session:
                     raise FilterError(error.what, found=error.found, hint=f"Did you mean {nearest[0]}?") from error
                 raise
             session.graph = session.graph.restricted_to(wanted)
+            session._subject = name
             return session
 
     def __enter__(self) -> Self:
@@ -131,10 +153,6 @@ class Session:
         return graph.restricted_to(node.id for node in graph if node.stage.name in stages)
 
     @cached_property
-    def _code_cache(self) -> CodeCache:
-        return CodeCache(self.layout.private_dir / "code", self._roots)
-
-    @cached_property
     def codes(self) -> dict[str, Code]:
         """The code of every stage that a pipeline names."""
         return self._code_cache.codes(self.stages)
@@ -147,66 +165,75 @@ class Session:
         """Have the content of every selected bag read anew, whatever size and time say."""
         self.store.index.forget_sources([str(path) for node in self.graph for path in node.sources.values()])
 
-    def run(
+    def runner(
         self,
-        plan: Plan,
         *,
         jobs: int | None = None,
         retry_failed: bool = False,
         forced: bool = False,
         emit: Callable[[Event], None] = lambda _: None,
-    ) -> Report:
-        """Act on a plan.
-
-        Parameters
-        ----------
-        plan : Plan
-            As :meth:`plan` returned it.
-        jobs : int, optional
-            Worker processes; 0 runs everything in this process. By default one per usable processor, and no more than
-            there are recordings.
-        retry_failed : bool
-            Run again what failed before with the very same inputs.
-        forced : bool
-            Run everything, fresh or not.
-        emit : callable
-            Told of every node's ending as it happens.
-        """
+    ) -> Run:
+        """Return what acts on the plan as it is now; see :func:`garment_dataset.workspace.building.build`."""
         from garment_dataset.engine.executors import Pool, local_executor, usable_cpus
         from garment_dataset.engine.run import Options, Run
 
+        plan = self.plan()
         subjects = {decision.node.subject for decision in plan if forced or decision.state is not State.FRESH}
         workers = min(usable_cpus(), max(1, len(subjects))) if jobs is None else jobs
-        report = Run(
+        return Run(
             self.graph,
             plan,
             codes=self.codes,
             code_cache=self._code_cache,
             store=self.store,
             pool=Pool(lambda: local_executor(workers)),
-            options=Options(slots=max(1, workers), retry_failed=retry_failed, forced=forced),
+            options=Options(max(1, workers), retry_failed, forced, frozenset(self.orphans())),
             emit=emit,
-        ).finish()
-        self._describe_tables(report)
-        return report
+        )
 
-    def _describe_tables(self, report: Report) -> None:
-        """Write each table's schema beside its files, for readers that drop Arrow's metadata."""
-        built = {(node.stage, node.variant) for node in report.events}
-        for pipeline in self.pipelines:
-            for stage in pipeline.stages:
-                if (stage.name, pipeline.file.variant) not in built:
-                    continue
-                for output in stage.outputs:
-                    folder = self.store.folder(pipeline.file.variant) / output.name
-                    if folder.is_dir():
-                        described = output.describe(stage.identity, stage.partitions)
-                        _write_if_changed(folder / "_schema.json", json.dumps(described, indent=2) + "\n")
+    @cached_property
+    def _whole_graph(self) -> Graph:
+        """The graph of all recordings that have a bag, and all stages."""
+        rows = tuple(row for row in self.catalog.rows if row.path is not None)
+        is_whole = self.selection.rows == rows and not self._stage_names and not self._subject
+        return self.graph if is_whole else draw_graph(self.catalog, self.pipelines, rows).graph
+
+    def orphans(self) -> list[NodeId]:
+        """Return the published nodes that nothing asks for any more.
+
+        None where there is no bag at all: then the folder of recordings is elsewhere for now.
+        """
+        published = (NodeId(*node) for node in self.store.index.published())
+        gone = [node_id for node_id in published if node_id not in self.graph]
+        if not gone or not len(self._whole_graph):
+            return []
+        return [node_id for node_id in gone if node_id not in self._whole_graph]
+
+    def orphaned_files(self) -> dict[Path, str]:
+        """Return the Parquet files in the features folder that nothing asks for any more, with why; sorted."""
+        if not len(self._whole_graph):
+            return {}
+        wanted = {
+            self.store.feature_path(output.name, node.partition, node.subject, node.variant)
+            for node in self._whole_graph
+            for output in node.stage.outputs
+        }
+        found = (path for path in sorted(self.layout.features_dir.glob("**/*.parquet")) if path not in wanted)
+        return {path: self._why_orphaned(path) for path in found if not _is_hidden(path, self.layout.features_dir)}
+
+    def _why_orphaned(self, path: Path) -> str:
+        parts = path.relative_to(self.layout.features_dir).parts
+        variant = parts[0].removeprefix("variant=") if parts[0].startswith("variant=") else ""
+        table = parts[1 if variant else 0]
+        asked = [pipeline for pipeline in self.pipelines if pipeline.file.variant == variant]
+        if not asked:
+            return f"no pipeline has the variant {variant!r}"
+        if all(output.name != table for pipeline in asked for stage in pipeline.stages for output in stage.outputs):
+            return "no pipeline makes this table"
+        if any(node.subject == path.stem for node in self._whole_graph):
+            return "nothing makes it there any more"
+        return "no recording, group or camera position of this name has a bag"
 
 
-def _write_if_changed(path: Path, text: str) -> None:
-    if path.is_file() and path.read_text("utf-8") == text:
-        return
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_text(text, "utf-8")
-    temporary.replace(path)
+def _is_hidden(path: Path, root: Path) -> bool:
+    return any(part.startswith((".", "_")) for part in path.relative_to(root).parts)

@@ -15,6 +15,7 @@ from garment_dataset.engine.code import CodeCache
 from garment_dataset.engine.events import Event, Report
 from garment_dataset.engine.executors import Pool, local_executor
 from garment_dataset.engine.graph import Graph, Node, NodeId
+from garment_dataset.engine.loaded import note_loaded
 from garment_dataset.engine.plan import Plan, make_plan
 from garment_dataset.engine.run import Options, Run
 from garment_dataset.engine.store import Store
@@ -84,7 +85,8 @@ def numbers(bag: Path, params: NumbersParams):
     if "touch" in text:
         import os
 
-        os.utime(bag, ns=(1, 1))
+        if bag.stat().st_mtime_ns != 1:
+            os.utime(bag, ns=(1, 1))
         text = text.replace("touch", "")
     if "bad" in text:
         raise SourceError("holds the word bad", where=bag.name)
@@ -169,6 +171,7 @@ class Toy:
         for name in [name for name in sys.modules if name.partition(".")[0] == "toy"]:
             del sys.modules[name]
         importlib.invalidate_caches()
+        note_loaded()
         return {name: importlib.import_module(f"toy.{name}").STAGE for name in ("numbers", "squares", "total")}
 
     def graph(self, stages: dict[str, Stage]) -> Graph:

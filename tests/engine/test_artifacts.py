@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from garment_dataset.engine.artifacts import content_digest, read_artifact, read_provenance, write_artifact
-from garment_dataset.errors import StoreError
+from garment_dataset.engine.errors import ResultDamagedError, StoreError
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -117,5 +117,7 @@ def test_files_of_others_are_refused(tmp_path: Path) -> None:
     for path in (foreign, broken, tmp_path / "absent.parquet"):
         with pytest.raises(StoreError, match=path.name):
             read_provenance(path)
-    with pytest.raises(StoreError, match="next build"):
+    with pytest.raises(ResultDamagedError, match="broken"):
         read_artifact(broken)
+    with pytest.raises(ResultDamagedError, match="not what was stored"):
+        read_artifact(foreign, "0" * 64)

@@ -77,7 +77,7 @@ def test_the_garment_is_that_of_the_catalog(built: Workspace) -> None:
     assert np.isnan([scarf.width_m, scarf.height_m, scarf.weight_kg]).all()
 
 
-def test_the_size_of_a_garment_is_a_reason_to_make_motion_again_and_nothing_else(
+def test_the_size_of_a_garment_is_a_reason_to_label_motion_again_and_nothing_else(
     workspace: Workspace,
 ) -> None:
     (workspace.pipelines_dir / "depth.toml").write_text(PIPELINE, "utf-8")
@@ -86,8 +86,11 @@ def test_the_size_of_a_garment_is_a_reason_to_make_motion_again_and_nothing_else
     table = pd.read_csv(garments, dtype=str, keep_default_na=False)
     table.loc[table["garment"] == "GreenTowel", "weight_g"] = "46"
     table.to_csv(garments, index=False)
-    again = {str(event.node) for event in workspace.build(jobs=0).of(Ending.BUILT)}
-    assert again == {f"motion:{name}" for name in RECORDINGS if "GreenTowel" in name}
+    report = workspace.build(jobs=0)
+    assert not report.of(Ending.BUILT)
+    assert {str(event.node) for event in report.of(Ending.RELABELLED)} == {
+        f"motion:{name}" for name in RECORDINGS if "GreenTowel" in name
+    }
     assert load_motion(TOWEL, workspace.features_dir).weight_kg == 0.046
 
 

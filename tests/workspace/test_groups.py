@@ -16,6 +16,7 @@ from garment_dataset.engine.plan import State
 from garment_dataset.errors import GarmentError
 from garment_dataset.features.reading import load_features
 from garment_dataset.stages import REPEATS, Group
+from garment_dataset.workspace.building import build
 from garment_dataset.workspace.groups import groups_of
 from garment_dataset.workspace.session import Session
 from tests.workspace.conftest import name_stages, put_stages, run, small_stage
@@ -130,7 +131,7 @@ def test_a_recording_changed_is_a_reason(workspace: Workspace, make_recording: M
     make_recording(bag, shift_m=0.03, frames=20)
     assert reasons_of(found, TOWELS) == [f"upstream depth_points:{SECOND}: stale"]
     with Session(found, stages=["depth_points"]) as session:
-        session.run(session.plan(), jobs=0)
+        build(session, jobs=0)
     (reason,) = reasons_of(found, TOWELS)
     assert reason.startswith(f"member points of {SECOND}: ")
     before = load_features("counts", folder=found.features_dir, group=TOWELS)["rows"].tolist()
@@ -147,7 +148,7 @@ def test_a_recording_that_fails_is_left_out_and_said(workspace: Workspace, make_
     bag.unlink()
     make_recording(bag, fault="zero_k")
     with Session(found, stages=["depth_points"]) as session:
-        session.run(session.plan(), jobs=0)
+        build(session, jobs=0)
     (reason,) = reasons_of(found, TOWELS)
     assert reason.startswith(f"member points of {SECOND}: ")
     assert reason.endswith(" -> left out")

@@ -1,0 +1,113 @@
+"""What this process has loaded, compared with what was read for the key: the code that runs must be that code.
+
+Python keeps what it once imported, and takes a compiled file for current when size and whole seconds fit.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import importlib.util
+import os
+import py_compile
+import sys
+import time
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Mapping
+
+_State = tuple[int, int, int, int]
+
+
+def content_state(path: str) -> str | None:
+    """Return a digest of a file's content, or of a folder's list of modules; None when it is gone."""
+    try:
+        if os.path.isdir(path):  # noqa: PTH112 - every plan asks this of every file that code rests on
+            names = sorted(name for name in os.listdir(path) if not name.startswith((".", "__pycache__")))  # noqa: PTH208
+            content = "/".join(names).encode("utf-8", "surrogateescape")
+        else:
+            with open(path, "rb") as file:  # noqa: PTH123
+                content = file.read()
+    except OSError:
+        return None
+    return hashlib.blake2b(content, digest_size=12).hexdigest()
+
+
+def refresh_bytecode(files: Iterable[str]) -> None:
+    """Have the compiled files of modules checked by content from now on, where Python would go by size and second."""
+    for file in files:
+        with contextlib.suppress(OSError, NotImplementedError, py_compile.PyCompileError):
+            compiled = importlib.util.cache_from_source(file)
+            with open(compiled, "rb") as old:  # noqa: PTH123
+                flags = old.read(8)[4:]
+            if not flags or not flags[0] & 0b10:
+                mode = py_compile.PycInvalidationMode.CHECKED_HASH
+                py_compile.compile(file, compiled, doraise=True, invalidation_mode=mode)
+
+
+class _Loaded:
+    """By file: the module that was made of it, and the state of the file then; None: nobody can say."""
+
+    def __init__(self) -> None:
+        self.states: dict[str, tuple[object, _State | None]] = {}
+        self.contents: dict[str, tuple[_State, str | None]] = {}
+        self.noted_ns = _started_ns()
+
+    def note(self) -> None:
+        now = time.time_ns()
+        for module in list(sys.modules.values()):
+            file = getattr(module, "__file__", None)
+            if isinstance(file, str) and file.endswith(".py") and self.states.get(file, (None,))[0] is not module:
+                state = _state_of(file)
+                # edited and loaded since the last look: in which order?
+                is_sure = state is not None and max(state[1:3]) <= self.noted_ns
+                self.states[file] = module, state if is_sure else None
+        self.noted_ns = now
+
+    def is_still(self, file: str, content: str) -> bool:
+        """Say whether a file that was loaded has had a content all the time."""
+        state = _state_of(file)
+        if state is None or self.states[file][1] != state:
+            return False
+        if self.contents.get(file, (None,))[0] != state:
+            self.contents[file] = state, content_state(file)
+        return self.contents[file][1] == content
+
+
+def _state_of(file: str) -> _State | None:
+    try:
+        stat = os.stat(file)  # noqa: PTH116
+    except OSError:
+        return None
+    # whoever sets the time of a file back cannot set that of its inode
+    return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
+
+
+def _started_ns() -> int:
+    """Return when this process started; where that cannot be found out, when it came here."""
+    try:
+        return os.stat("/proc/self").st_ctime_ns  # noqa: PTH116
+    except OSError:
+        return time.time_ns()
+
+
+_LOADED = _Loaded()
+
+
+def note_loaded() -> None:
+    """Note the state of the files of all modules that were loaded since the last call."""
+    _LOADED.note()
+
+
+def edited_since_loaded(files: Mapping[str, str]) -> str | None:
+    """Return the first file that this process has loaded, or may have loaded, with another content than the one given.
+
+    Parameters
+    ----------
+    files : mapping of str to str
+        Source files, and what :func:`content_state` said of them when they were read for a key.
+    """
+    _LOADED.note()
+    loaded = (file for file in files if file in _LOADED.states)
+    return next((file for file in loaded if not _LOADED.is_still(file, files[file])), None)

@@ -1,0 +1,130 @@
+"""Build a workspace: under the lock, with all that has to be true before and afterwards."""
+
+from __future__ import annotations
+
+import json
+import os
+from typing import TYPE_CHECKING
+
+from garment_dataset import interrupts
+from garment_dataset.engine.locking import write_lock
+from garment_dataset.errors import StorageError
+from garment_dataset.workspace.log import BuildLog
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+    from garment_dataset.engine.events import Event, Report
+    from garment_dataset.workspace.session import Session
+
+ORPHANS = "_orphans.json"
+"""File in the features folder that names what nothing asks for any more, so that readers leave it out."""
+
+_INTERRUPTED = "interrupted; what was finished is kept, `garment build` goes on from there"
+
+
+def build(
+    session: Session,
+    *,
+    jobs: int | None = None,
+    retry_failed: bool = False,
+    forced: bool = False,
+    rehash: bool = False,
+    wait: bool = True,
+    emit: Callable[[Event], None] = lambda _: None,
+    tell: Callable[[str], None] = lambda _: None,
+) -> Report:
+    """Make what is missing or stale.
+
+    Parameters
+    ----------
+    session : Session
+        What it is about; read anew where another build had to be waited for.
+    jobs : int, optional
+        Worker processes; 0 runs everything in this process. By default one per usable processor, and no more than there
+        are recordings.
+    retry_failed : bool
+        Run again what failed before with the very same inputs.
+    forced : bool
+        Run everything, fresh or not.
+    rehash : bool
+        Read the content of every bag anew, whatever size and time say.
+    wait : bool
+        Whether to wait for another build.
+    emit : callable
+        Told of every node's ending as it happens.
+    tell : callable
+        Told for whom this waits.
+
+    Raises
+    ------
+    LockedError
+        If another build is at work, and ``wait`` is False.
+    StorageError
+        If the workspace cannot be written.
+    """
+    layout = session.layout
+    with write_lock(layout.private_dir, what="garment build", wait=wait, tell=tell) as has_waited:
+        session.reload(everything=has_waited)
+        if rehash:
+            session.forget_digests()
+        with interrupts.cleaning_up(session.store.clear_scratch, _INTERRUPTED):
+            log = BuildLog.begin(layout.private_dir, session.codes)
+            describe_tables(session)
+            runner = session.runner(jobs=jobs, retry_failed=retry_failed, forced=forced, emit=emit)
+            report = runner.finish()
+            describe_tables(session)
+            note_orphans(session)
+            log.end(report)
+    return report
+
+
+def describe_tables(session: Session) -> None:
+    """Write each table's schema beside its files, for readers that drop Arrow's metadata.
+
+    Raises
+    ------
+    StorageError
+        If that cannot be written.
+    """
+    for pipeline in session.pipelines:
+        for stage in pipeline.stages:
+            for output in stage.outputs:
+                folder = session.store.folder(pipeline.file.variant) / output.name
+                if folder.is_dir():
+                    described = output.describe(stage.identity, stage.partitions)
+                    _write_if_changed(folder / "_schema.json", json.dumps(described, indent=2) + "\n")
+
+
+def note_orphans(session: Session) -> dict[Path, str]:
+    """Write down, where readers look, which files nothing asks for any more; return them, with why.
+
+    Raises
+    ------
+    StorageError
+        If that cannot be written.
+    """
+    found = session.orphaned_files()
+    folder = session.layout.features_dir
+    path = folder / ORPHANS
+    if found:
+        listed = {each.relative_to(folder).as_posix(): why for each, why in found.items()}
+        _write_if_changed(path, json.dumps(listed, indent=2, ensure_ascii=False) + "\n")
+    elif path.exists():
+        try:
+            path.unlink()
+        except OSError as error:
+            raise StorageError("cannot be removed", where=path, found=error.strerror or error) from error
+    return found
+
+
+def _write_if_changed(path: Path, text: str) -> None:
+    try:
+        if path.is_file() and path.read_text("utf-8", errors="replace") == text:
+            return
+        temporary = path.with_name(f".{path.name}.{os.getpid()}")
+        temporary.write_text(text, "utf-8")
+        temporary.replace(path)
+    except OSError as error:
+        raise StorageError("cannot be written", where=path, found=error.strerror or error) from error
