@@ -20,6 +20,8 @@ if TYPE_CHECKING:
     from typing import Self
 
 SETTINGS = "garment.toml"
+ORPHANS = "_orphans.json"
+"""File in the features folder that names what nothing asks for any more; a build writes it, readers leave that out."""
 
 
 class _Paths(BaseModel):

@@ -100,12 +100,10 @@ def _finish_idle(plan: Plan, session: Session, *, as_json: bool) -> None:
 
     A build that was killed may have left out what comes last, so that is looked at all the same.
     """
-    from garment_dataset.workspace.building import describe_tables, note_orphans
+    from garment_dataset.workspace.building import tidy
 
-    if session.layout.features_dir.is_dir():
-        with contextlib.suppress(StorageError):  # somebody who may only read has nothing to do, too
-            describe_tables(session)
-            note_orphans(session)
+    with contextlib.suppress(StorageError):  # somebody who may only read has nothing to do, too
+        tidy(session)
     counts = {state.value: count for state, count in plan.counts().items() if count}
     if as_json:
         print_json({"counts": counts, "events": []})

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import shutil
 import uuid
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
@@ -131,7 +130,8 @@ class Run:
             self._pool.kill()
             raise
         finally:
-            shutil.rmtree(self._scratch_dir, ignore_errors=True)
+            with contextlib.suppress(StorageError):
+                self._store.clear_scratch()
 
     def _take_fresh(self) -> None:
         """Count what the plan found fresh as done: it costs nothing more.

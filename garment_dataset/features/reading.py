@@ -5,10 +5,12 @@ from __future__ import annotations
 import difflib
 import json
 import reprlib
+import warnings
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.errors import FilterError, StoreError
+from garment_dataset.errors import DataWarning, FilterError, StoreError
+from garment_dataset.layout import ORPHANS
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -55,8 +57,34 @@ def tables_in(folder: Path) -> list[str]:
 
 
 def result_files(folder: Path, table: str) -> list[Path]:
-    """Return the files of a table in the folder of a variant; each is called after what it is about."""
-    return sorted(path for path in (folder / table).glob("**/*.parquet") if not path.name.startswith("."))
+    """Return the files of a table in the folder of a variant; each is called after what it is about.
+
+    Those that the last build found orphaned are left out: nothing asks for them any more.
+
+    Warns
+    -----
+    DataWarning
+        If there are such files.
+    """
+    found = sorted(path for path in (folder / table).glob("**/*.parquet") if not path.name.startswith("."))
+    gone = orphans_in(folder.parent if folder.name.startswith(_VARIANT) else folder)
+    if left_out := [path for path in found if path in gone]:
+        names = ", ".join(path.stem for path in left_out[:3]) + (", ..." if len(left_out) > 3 else "")
+        text = f"{len(left_out)} orphaned files of {table} are left out ({names}): {gone[left_out[0]]} (`garment gc`)"
+        warnings.warn(text, DataWarning, stacklevel=3)
+    return [path for path in found if path not in gone]
+
+
+def orphans_in(folder: Path) -> dict[Path, str]:
+    """Return the files of a features folder that nothing asks for any more, as the last build found, and why."""
+    path = folder / ORPHANS
+    if not path.is_file():
+        return {}
+    try:
+        listed: dict[str, str] = json.loads(path.read_text("utf-8"))
+        return {folder / name: why for name, why in listed.items()}
+    except (OSError, ValueError, AttributeError) as error:
+        raise StoreError("the list of orphaned files cannot be read", where=path, found=error) from error
 
 
 def read_result(path: Path) -> pd.DataFrame:

@@ -6,7 +6,6 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.plan import State
-from garment_dataset.engine.results import Result
 
 if TYPE_CHECKING:
     from garment_dataset.engine.plan import Decision
@@ -65,6 +64,6 @@ def accept(session: Session, decision: Decision, because: str) -> None:
         write_artifact(read_labelled(path, output.file.digest), scratch, footer)
         file, _ = store.objects.take_in(scratch, file_digest(scratch))
         outputs[table] = output._replace(file=file)
-    accepted: Result = replace(old, key=str(decision.key), outputs=outputs, facts=facts, body=body_digest(facts))
+    accepted = replace(old, key=str(decision.key), outputs=outputs, facts=facts, body=body_digest(facts))
     store.remember(accepted)
     store.publish(accepted, node.variant)

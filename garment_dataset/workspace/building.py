@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 from typing import TYPE_CHECKING
 
 from garment_dataset import interrupts
 from garment_dataset.engine.locking import write_lock
-from garment_dataset.errors import StorageError
+from garment_dataset.errors import LockedError, StorageError
+from garment_dataset.layout import ORPHANS
 from garment_dataset.workspace.log import BuildLog
 
 if TYPE_CHECKING:
@@ -17,9 +19,6 @@ if TYPE_CHECKING:
 
     from garment_dataset.engine.events import Event, Report
     from garment_dataset.workspace.session import Session
-
-ORPHANS = "_orphans.json"
-"""File in the features folder that names what nothing asks for any more, so that readers leave it out."""
 
 _INTERRUPTED = "interrupted; what was finished is kept, `garment build` goes on from there"
 
@@ -78,6 +77,27 @@ def build(
             note_orphans(session)
             log.end(report)
     return report
+
+
+def tidy(session: Session) -> None:
+    """Do what a build that was ended may have left undone, where nothing else is to be done.
+
+    Raises
+    ------
+    StorageError
+        If the workspace cannot be written.
+    """
+    if session.layout.features_dir.is_dir():
+        describe_tables(session)
+        note_orphans(session)
+    if any(folder.exists() for folder in session.store.scratch_dirs):
+        private_dir = session.layout.private_dir
+        # a build that is under way has the lock, and uses them
+        with (
+            contextlib.suppress(LockedError),
+            write_lock(private_dir, what="garment build", wait=False, tell=lambda _: None),
+        ):
+            session.store.clear_scratch()
 
 
 def describe_tables(session: Session) -> None:
