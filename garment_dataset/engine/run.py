@@ -124,6 +124,7 @@ class Run:
                     self._start(node)
                 if not self._running:
                     self._pool.close()
+                    self._stock.withdraw_moved(self._done)
                     return self.report
                 self._collect()
         except BaseException:
@@ -284,8 +285,7 @@ class Run:
         message = "replaces what was damaged in the store" if replaced or task.key in self._stock.distrusted else ""
         ending = Ending.BUILT
         if task.donor:
-            ending, message = Ending.RELABELLED, f"from {task.donor_subject}" if task.donor_subject else message
-            self._stock.withdraw_donor(node, task.donor_subject)
+            ending, message = Ending.RELABELLED, f"from {task.donor_subject}"
         self._end(Event(node.id, ending, made.seconds, message=message, notes=made.notes), result)
 
     def _is_healed(self, node: Node, trouble: Trouble) -> bool:

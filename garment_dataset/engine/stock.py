@@ -88,11 +88,24 @@ class Stock:
                 return take_over(task, donor, self._store)
         return task
 
-    def withdraw_donor(self, node: Node, subject: str) -> None:
-        """Take away what is published of a subject that is gone, and whose result goes on under another."""
-        old = NodeId(node.stage.name, subject, node.variant)
-        if old in self._orphans:
-            self._store.withdraw(old, self._store.results.get(self._published.get(old, "")))
+    def withdraw_moved(self, done: Mapping[NodeId, Result]) -> None:
+        """Take away what is published of subjects that are gone, and whose results go on under another name.
+
+        A subject has moved when a result of it has the body of one that is done; then all of it goes that is done under
+        the other name. The objects stay.
+        """
+        orphans = sorted(NodeId(*node) for node in self._orphans)
+        bodies = {(node.stage, node.variant, result.body): node.subject for node, result in done.items()}
+        moved: dict[tuple[str, str], str] = {}
+        for node in orphans:
+            result = self._store.results.get(self._published.get(node, ""))
+            name = None if result is None else bodies.get((node.stage, node.variant, result.body))
+            if name is not None:
+                moved[node.subject, node.variant] = name
+        for node in orphans:
+            name = moved.get((node.subject, node.variant))
+            if name is not None and node._replace(subject=name) in done:
+                self._store.withdraw(node, self._store.results.get(self._published.pop(node, "")))
 
     def distrust(self, damaged: Path, feeders: Mapping[NodeId, Result]) -> NodeId | None:
         """Discard an object that turned out damaged.

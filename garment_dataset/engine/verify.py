@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import os
 import random
 import shutil
 import tempfile
@@ -37,6 +39,7 @@ def check_objects(store: Store) -> Iterator[Finding]:
     for path in store.objects:
         there.add(path.stem)
         if not store.objects.is_what_it_says(path.stem):
+            _distrust(path)
             yield Finding(str(path), "its bytes are not those that were stored")
     for result in store.results.values():
         for table, output in result.outputs.items():
@@ -57,7 +60,14 @@ def check_published(store: Store, nodes: Iterable[NodeId]) -> Iterator[Finding]:
             if not path.is_file():
                 yield Finding(str(path), f"is not there: {node}")
             elif path.stat().st_size != output.file.size_bytes or file_digest(path) != output.file.digest:
+                _distrust(path)
                 yield Finding(str(path), f"is not what {node} made")
+
+
+def _distrust(path: Path) -> None:
+    """Give a damaged file another time, so that the next build looks into it."""
+    with contextlib.suppress(OSError):
+        os.utime(path)
 
 
 def check_sources(graph: Graph, store: Store) -> Iterator[Finding]:

@@ -19,6 +19,7 @@ import pytest
 
 if TYPE_CHECKING:
     import subprocess
+    from collections.abc import Callable
 
     from tests.drills.conftest import Sandbox
 
@@ -103,7 +104,9 @@ def test_a_build_that_is_ended_at_any_instant_loses_nothing(bare: Sandbox) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize("seed", range(100, 108))
-def test_hundreds_of_builds_that_are_ended(bare: Sandbox, seed: int, record_property: pytest.RecordProperty) -> None:
+def test_hundreds_of_builds_that_are_ended(
+    bare: Sandbox, seed: int, record_property: Callable[[str, object], None]
+) -> None:
     counts = drill(bare, kills=36, seed=seed)
     record_property("kills", str(counts))
 
