@@ -7,7 +7,6 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.codebase.modules import ModuleRef, Symbol
-from garment_dataset.engine.codebase.references import CALLED, GIVEN, HELD, READ
 from garment_dataset.engine.codebase.scopes import (
     CLASS,
     FUNCTION,
@@ -18,6 +17,7 @@ from garment_dataset.engine.codebase.scopes import (
     function_bindings,
     type_parameter_bindings,
 )
+from garment_dataset.engine.codebase.uses import CALLED, GIVEN, HELD, ITERATED, PART, READ
 from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
@@ -47,7 +47,8 @@ def _function(writer: Writer, node: ast.FunctionDef | ast.AsyncFunctionDef, _rol
 def _lambda(writer: Writer, node: ast.Lambda, _role: int) -> None:
     writer.out.append("(Lambda")
     writer.field("args", node.args)
-    with writer.inside(FUNCTION, function_bindings(node.args, [node.body], writer.module.home), is_later=True):
+    bindings = function_bindings(node.args, [node.body], writer.module.home)
+    with writer.inside(FUNCTION, bindings, is_later=True, is_at_once=True):
         writer.field("body", node.body, GIVEN)
     writer.out.append(")")
 
@@ -70,7 +71,7 @@ def _class(writer: Writer, node: ast.ClassDef, _role: int) -> None:
     with writer.inside(TYPES, type_parameter_bindings(node)):
         writer.field("types", list(getattr(node, "type_params", ())))
         writer.field("bases", node.bases, CALLED)
-        writer.field("keywords", node.keywords, CALLED)
+        writer.field("keywords", node.keywords, CALLED | GIVEN)
         if is_top:
             names.owner, writer.shared = Symbol(writer.module.name, node.name), _shared_containers(node)
         with writer.inside(CLASS, bindings):
@@ -127,13 +128,13 @@ def _type_alias(writer: Writer, node: Any, _role: int) -> None:  # noqa: ANN401 
 
 def _comprehension(writer: Writer, node: Comprehension, _role: int) -> None:
     writer.out.append(f"({type(node).__name__}")
-    writer.field("iter", node.generators[0].iter)
+    writer.field("iter", node.generators[0].iter, PART | ITERATED)
     bindings = bindings_of([each.target for each in node.generators], writer.module.home)
     with writer.inside(FUNCTION, bindings):
         for index, each in enumerate(node.generators):
             writer.out.append(" async for" if each.is_async else " for")
             writer.field("target", each.target)
-            writer.field("iter", each.iter if index else None)
+            writer.field("iter", each.iter if index else None, PART | ITERATED)
             writer.field("if", each.ifs, READ)
         for name in ("key", "value", "elt"):
             writer.field(name, getattr(node, name, None))
@@ -207,7 +208,7 @@ def _bound(writer: Writer, name: str | None) -> None:
 def _note_activity(writer: Writer, nodes: list[Any]) -> None:
     """Note that a definition calls something when it is executed."""
     if nodes and not writer.names.is_later:
-        writer.names.facts.is_active = True
+        writer.names.facts.is_active = writer.names.facts.is_acting = True
 
 
 def _refuse_global_writes(writer: Writer, bindings: Bindings, node: ast.AST) -> None:
