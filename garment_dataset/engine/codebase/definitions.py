@@ -39,7 +39,7 @@ def _function(writer: Writer, node: ast.FunctionDef | ast.AsyncFunctionDef, _rol
         writer.annotation("returns", node.returns)
         bindings = function_bindings(node.args, node.body, writer.module.home)
         _refuse_global_writes(writer, bindings, node)
-        with writer.inside(FUNCTION, bindings, is_later=True):
+        with writer.inside(FUNCTION, bindings, node, is_later=True):
             writer.field("body", node.body)
     writer.out.append(")")
 
@@ -48,7 +48,7 @@ def _lambda(writer: Writer, node: ast.Lambda, _role: int) -> None:
     writer.out.append("(Lambda")
     writer.field("args", node.args)
     bindings = function_bindings(node.args, [node.body], writer.module.home)
-    with writer.inside(FUNCTION, bindings, is_later=True, is_at_once=True):
+    with writer.inside(FUNCTION, bindings, node, is_later=True, is_at_once=True):
         writer.field("body", node.body, GIVEN)
     writer.out.append(")")
 
@@ -75,8 +75,9 @@ def _class(writer: Writer, node: ast.ClassDef, _role: int) -> None:
         if is_top:
             names.owner, writer.shared = Symbol(writer.module.name, node.name), _shared_containers(node)
         with writer.inside(CLASS, bindings):
-            skips = is_top and node.name in writer.fieldless
+            skips = names.is_in_fieldless = is_top and node.name in writer.fieldless
             writer.field("body", [each for each in node.body if not (skips and _skip_field(writer, each))])
+            names.is_in_fieldless = False
     names.owner, writer.shared = around
     writer.out.append(")")
 
@@ -130,7 +131,7 @@ def _comprehension(writer: Writer, node: Comprehension, _role: int) -> None:
     writer.out.append(f"({type(node).__name__}")
     writer.field("iter", node.generators[0].iter, PART | ITERATED)
     bindings = bindings_of([each.target for each in node.generators], writer.module.home)
-    with writer.inside(FUNCTION, bindings):
+    with writer.inside(FUNCTION, bindings, node):
         for index, each in enumerate(node.generators):
             writer.out.append(" async for" if each.is_async else " for")
             writer.field("target", each.target)
@@ -175,6 +176,12 @@ def _try(writer: Writer, node: ast.Try, role: int) -> None:
     writer.tries += 1
     writer.generic(node, role)
     writer.tries -= 1
+
+
+def _raise(writer: Writer, node: ast.Raise, role: int) -> None:
+    before, writer.names.is_raised = writer.names.is_raised, True
+    writer.generic(node, role)
+    writer.names.is_raised = before
 
 
 def _handler(writer: Writer, node: ast.ExceptHandler, _role: int) -> None:
@@ -236,6 +243,7 @@ DEFINITIONS: dict[type[ast.AST], Callable[[Writer, Any, int], None]] = {
     ast.Try: _try,
     ast.TryStar: _try,
     ast.ExceptHandler: _handler,
+    ast.Raise: _raise,
     ast.MatchAs: _pattern,
     ast.MatchStar: _pattern,
     ast.MatchMapping: _mapping_pattern,

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 from garment_dataset.engine.codebase.classes import last_name, only_stores
 from garment_dataset.engine.codebase.effects import CHANGING_METHODS, CHANGING_OPERATORS
 from garment_dataset.engine.codebase.modules import External, ModuleRef, Symbol
+from garment_dataset.engine.codebase.reading import check_call, check_method
 from garment_dataset.engine.codebase.references import is_harmless
 from garment_dataset.engine.codebase.rules import MODULE_FUNCTIONS, REFUSED_ATTRIBUTES, module_as_value
 from garment_dataset.engine.codebase.uses import CALLED, CHANGED, GIVEN, HELD, LENT, METHOD, PART, READ
@@ -59,6 +60,8 @@ def _attribute(writer: Writer, node: ast.Attribute, role: int) -> None:
     if (target := writer.target(node)) is not None:
         writer.out.append(names.refer(target, node, role))
         return
+    if not names.is_annotation and not is_stored:
+        check_method(writer, node)
     if role & CHANGED and not is_stored and (node.attr == "__class__" or node.attr in writer.shared):
         names.change_owner()
     changes = node.attr in CHANGING_METHODS or node.attr in CHANGING_OPERATORS
@@ -119,6 +122,8 @@ def _call(writer: Writer, node: ast.Call, role: int) -> None:
         _refuse_reach_into_module(writer, node, dotted.removeprefix("builtins."))
     if dotted == "builtins.type" and role & CHANGED:
         names.change_owner()
+    if not names.is_annotation:
+        check_call(writer, node, target)
     given = _argument_role(writer, node, target)
     sets = dotted is not None and dotted.strip("_").endswith(("setattr", "delattr"))
     writer.out.append("(Call")

@@ -10,6 +10,7 @@ Besides what a name leads to, three things belong to the reach:
 
 from __future__ import annotations
 
+import ast
 from typing import TYPE_CHECKING
 
 from garment_dataset.engine.codebase.modules import Symbol, with_parents
@@ -34,6 +35,7 @@ from garment_dataset.engine.codebase.uses import (
     PART,
     READ,
 )
+from garment_dataset.engine.codebase.world import unnamed_file
 from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
@@ -41,7 +43,7 @@ if TYPE_CHECKING:
 
     from garment_dataset.engine.codebase.index import Index
     from garment_dataset.engine.codebase.modules import Module
-    from garment_dataset.engine.codebase.references import Facts
+    from garment_dataset.engine.codebase.references import Facts, Passed
     from garment_dataset.engine.codebase.scopes import ImportTarget
     from garment_dataset.engine.codebase.statements import Statement
 
@@ -104,6 +106,7 @@ class Reach:
                 else:
                     self._take_symbol(self._queue.pop())
             self._search()
+        self._check_files()
 
     def facts(self, module: Module, statement: Statement) -> Facts:
         """Return what a statement says, without the fields that do not count."""
@@ -176,6 +179,33 @@ class Reach:
         while chain[-1] != self.entry:
             chain.append(self.symbols[chain[-1]])
         raise reached_through(error, [str(symbol) for symbol in reversed(chain)]) from error
+
+    # -- which files it reads
+
+    def _check_files(self) -> None:
+        """Refuse a path that is made of no argument where a function, perhaps some calls away, opens it."""
+        every = [(each, self._modules.module(each.module)) for each in self.symbols]
+        facts = [(each, module, self.facts(module, one)) for each, module in every for one in self.statements(each)]
+        opened = {symbol: set(each.opens) for symbol, _, each in facts if each.opens}
+        passes = [(symbol, module, passed) for symbol, module, each in facts for passed in each.passes]
+        before = -1
+        while before != sum(map(len, opened.values())):
+            before = sum(map(len, opened.values()))
+            for symbol, module, passed in passes:
+                if passed.function in opened and self._parameter(passed) in opened[passed.function]:
+                    if passed.is_fixed:
+                        error = unnamed_file(f"what is given to {passed.function.name}()")
+                        self._refuse(located(error, f"{module.home.where}:{passed.line}"), symbol)
+                    opened.setdefault(symbol, set()).update(passed.parameters)
+
+    def _parameter(self, passed: Passed) -> str | None:
+        if isinstance(passed.place, str):
+            return passed.place
+        statement = self._modules.module(passed.function.module).symbols[passed.function.name][-1]
+        if not isinstance(statement.node, ast.FunctionDef | ast.AsyncFunctionDef):
+            return None
+        arguments = [*statement.node.args.posonlyargs, *statement.node.args.args]
+        return arguments[passed.place].arg if passed.place < len(arguments) else None
 
     # -- who else changes what is in reach
 

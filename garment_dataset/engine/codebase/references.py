@@ -5,14 +5,15 @@ from __future__ import annotations
 import ast
 import sys
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from garment_dataset.engine.codebase.classes import may_call_its_arguments, only_stores
 from garment_dataset.engine.codebase.effects import root_name
 from garment_dataset.engine.codebase.modules import External, ModuleRef, Symbol
 from garment_dataset.engine.codebase.rules import located, module_as_value, refusal_of
 from garment_dataset.engine.codebase.scopes import CLASS, DEFINITION, MODULE, PARAMETER, Bindings, Scope
-from garment_dataset.engine.codebase.uses import CHANGED, GIVEN, HELD, INTO, ITERATED, LATER, LENT, PART, READ
+from garment_dataset.engine.codebase.uses import CALLED, CHANGED, GIVEN, HELD, INTO, ITERATED, LATER, LENT, PART, READ
+from garment_dataset.engine.codebase.world import names_a_file, unnamed_file, world_refusal
 from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
@@ -40,6 +41,30 @@ def _role_in_library(dotted: str) -> int:
     return PART | ITERATED if dotted in _GOING_THROUGH_BUILTINS else LENT
 
 
+class Passed(NamedTuple):
+    """What a call gives a first-party function for one of its parameters.
+
+    Parameters
+    ----------
+    function : Symbol
+        The function called.
+    place : int or str
+        Which argument, by position or keyword.
+    is_fixed : bool
+        Whether it is made of nothing that the calling function was given.
+    parameters : frozenset of str
+        The parameters of the calling function with which it begins.
+    line : int
+        Where.
+    """
+
+    function: Symbol
+    place: int | str
+    is_fixed: bool
+    parameters: frozenset[str]
+    line: int
+
+
 @dataclass(slots=True)
 class Facts:
     """What one statement says.
@@ -62,6 +87,10 @@ class Facts:
         Whether importing the module makes it call something.
     is_acting : bool
         Whether that may do something to what the statement mentions: more than look at it or store it.
+    opens : set of str
+        Parameters of the function it defines that name files which the function reads or writes.
+    passes : list of Passed
+        What it gives to first-party functions that could be such a name.
     problems : list of UntraceableCodeError
         What in it cannot be followed.
     """
@@ -74,6 +103,8 @@ class Facts:
     loads: list[tuple[ImportTarget, int]] = field(default_factory=list)
     is_active: bool = False
     is_acting: bool = False
+    opens: set[str] = field(default_factory=set)
+    passes: list[Passed] = field(default_factory=list)
     problems: list[UntraceableCodeError] = field(default_factory=list)
 
 
@@ -92,6 +123,10 @@ class References:
         Whether it is in an annotation: what that names is only named.
     is_lenient : bool
         Whether it is in a string that may or may not be an annotation.
+    is_raised : bool
+        Whether it is in a ``raise``.
+    is_in_fieldless : bool
+        Whether it is in a class whose fields are left out.
     owner : Symbol or None
         The class of the module that it is in.
     """
@@ -103,6 +138,8 @@ class References:
         self.is_at_once = False
         self.is_annotation = False
         self.is_lenient = False
+        self.is_raised = False
+        self.is_in_fieldless = False
         self.owner: Symbol | None = None
         self.modules = modules
         self._module = module
@@ -181,7 +218,7 @@ class References:
                 self.refuse(module_as_value(module), node)
                 return f"m{module!a}"
             case External(dotted):
-                if (error := refusal_of(dotted)) is not None:
+                if (error := refusal_of(dotted) or self._world_refusal(dotted, role)) is not None:
                     self.refuse(error, node)
                 root = dotted.partition(".")[0]
                 if root not in sys.stdlib_module_names:
@@ -193,6 +230,17 @@ class References:
                     flags |= role
                 self.facts.uses[target] = self.facts.uses.get(target, 0) | flags
                 return f"s{target.module!a}:{target.name!a}"
+
+    def _world_refusal(self, dotted: str, role: int) -> UntraceableCodeError | None:
+        if self.is_annotation:
+            return None
+        is_called = bool(role & CALLED)
+        function = self.scope.function if dotted == "builtins.hash" else None
+        error = world_refusal(dotted, is_called=is_called, is_raised=self.is_raised, function=function)
+        is_type = dotted.rpartition(".")[2][:1].isupper()
+        if error is None and not is_called and not is_type and names_a_file(dotted):
+            return unnamed_file(f"{dotted} as a value")
+        return error
 
     def change_owner(self) -> None:
         """Note that a method changes the class it belongs to."""

@@ -51,6 +51,7 @@ class Values:
     def __init__(self, modules: Modules) -> None:
         self._modules = modules
         self._kinds: dict[Symbol, str] = {}
+        self._enumerations: dict[Symbol, bool] = {}
 
     def kind(self, symbol: Symbol) -> str:
         """Return the kind of a symbol's value; what several statements make is UNKNOWN or an INSTANCE."""
@@ -94,7 +95,9 @@ class Values:
 
     def is_enumeration(self, symbol: Symbol) -> bool:
         """Say whether a symbol is a class of members that never change."""
-        return all(is_enumeration(each.node) for each in self._statements(symbol))
+        if symbol not in self._enumerations:
+            self._enumerations[symbol] = all(is_enumeration(each.node) for each in self._statements(symbol))
+        return self._enumerations[symbol]
 
     def _statements(self, symbol: Symbol) -> tuple[Statement, ...]:
         return self._modules.module(symbol.module).symbols[symbol.name]

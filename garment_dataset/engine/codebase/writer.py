@@ -13,6 +13,7 @@ from collections.abc import Callable, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from garment_dataset.engine.codebase.paths import Origins
 from garment_dataset.engine.codebase.references import References
 from garment_dataset.engine.codebase.scopes import Bindings, Scope
 from garment_dataset.engine.codebase.uses import GIVEN, HELD, ITERATED, METHOD, PART, READ
@@ -65,6 +66,8 @@ class Writer:
         The module's classes whose fields are left out.
     shared : frozenset of str
         Containers that all objects of the class around share.
+    origins : Origins
+        Tells where the values of expressions come from.
     """
 
     def __init__(self, modules: Modules, module: Module, fieldless: frozenset[str], handlers: Handlers) -> None:
@@ -75,6 +78,7 @@ class Writer:
         self.fieldless = fieldless
         self.shared: frozenset[str] = frozenset()
         self._handlers = handlers
+        self.origins = Origins(self.names)
 
     def write(self, node: ast.AST, role: int = HELD) -> None:
         """Write any node; ``role`` says how the value of an expression is used."""
@@ -136,12 +140,18 @@ class Writer:
 
     @contextmanager
     def inside(
-        self, kind: str, bindings: Bindings, *, is_later: bool = False, is_at_once: bool = False
+        self,
+        kind: str,
+        bindings: Bindings,
+        node: ast.AST | None = None,
+        *,
+        is_later: bool = False,
+        is_at_once: bool = False,
     ) -> Iterator[None]:
         """Walk in an inner scope; ``is_later`` when importing the module does not run it, but for ``is_at_once``."""
         names = self.names
         before = names.scope, names.is_later, names.is_at_once
-        names.scope = Scope(kind, bindings, names.scope)
+        names.scope = Scope(kind, bindings, names.scope, node)
         names.is_at_once = is_at_once and (names.is_at_once or not names.is_later) if is_later else names.is_at_once
         names.is_later = names.is_later or is_later
         try:
