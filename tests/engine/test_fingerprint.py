@@ -152,12 +152,12 @@ def test_libraries_are_the_third_party_roots_in_reach(tmp_path: Path) -> None:
     found = of(
         tmp_path,
         """
-import os, cv2, numpy.linalg, pandas
+import json, cv2, numpy.linalg, pandas
 from typing import TYPE_CHECKING
 if TYPE_CHECKING: import pyarrow as pa
 def f(t: "pa.Table"):
     import rosbags.rosbag1 as r
-    return os, numpy.linalg.norm, r
+    return json, numpy.linalg.norm, r
 def g(): return cv2
 """,
     )
@@ -258,6 +258,13 @@ def test_excluded_fields_do_not_count_and_the_rest_of_the_class_does(
     after = of(tmp_path, PARAMS.replace(old, new), fields_excluded=excluded)
     assert (before.digest != after.digest) is counts
     assert of(tmp_path, PARAMS).digest != of(tmp_path, PARAMS.replace(old, new)).digest
+
+
+def test_a_file_named_by_a_parameter_is_refused_in_a_method_of_the_parameters_too(tmp_path: Path) -> None:
+    text = PARAMS + "    def text(self): return open(self.a).read()\n"
+    text = text.replace("def f(params: P): return params.a\n", "") + "def f(params: P): return params.text()\n"
+    with pytest.raises(UntraceableCodeError, match=r"open\(self\.a\)"):
+        of(tmp_path, text, fields_excluded=("pkg.m:P",))
 
 
 # -- the real package

@@ -201,8 +201,8 @@ def test_a_member_that_is_mended_comes_back(gathering: Toy) -> None:
 
 
 def test_a_failure_that_is_tried_again_and_passes_is_gathered_in_the_same_run(gathering: Toy) -> None:
-    mark = gathering.root / "mark"
-    gathering.edit("numbers.py", 'if "bug" in text:', f'if "bug" in text and not Path("{mark}").exists():')
+    mark = gathering.root / "sources" / "mark"
+    gathering.edit("numbers.py", 'if "bug" in text:', 'if "bug" in text and not (bag.parent / "mark").exists():')
     gathering.edit("numbers.py", 'if "skip" in text:', 'text = text.replace("bug", "")\n    if "skip" in text:')
     gathering.source("b", "4 bug")
     gathering.build()

@@ -7,7 +7,6 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.codebase.modules import ModuleRef, Symbol
-from garment_dataset.engine.codebase.references import CALLED, GIVEN, HELD, READ
 from garment_dataset.engine.codebase.scopes import (
     CLASS,
     FUNCTION,
@@ -18,6 +17,7 @@ from garment_dataset.engine.codebase.scopes import (
     function_bindings,
     type_parameter_bindings,
 )
+from garment_dataset.engine.codebase.uses import CALLED, GIVEN, HELD, ITERATED, PART, READ
 from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def _function(writer: Writer, node: ast.FunctionDef | ast.AsyncFunctionDef, _rol
         writer.annotation("returns", node.returns)
         bindings = function_bindings(node.args, node.body, writer.module.home)
         _refuse_global_writes(writer, bindings, node)
-        with writer.inside(FUNCTION, bindings, is_later=True):
+        with writer.inside(FUNCTION, bindings, node, is_later=True):
             writer.field("body", node.body)
     writer.out.append(")")
 
@@ -47,7 +47,8 @@ def _function(writer: Writer, node: ast.FunctionDef | ast.AsyncFunctionDef, _rol
 def _lambda(writer: Writer, node: ast.Lambda, _role: int) -> None:
     writer.out.append("(Lambda")
     writer.field("args", node.args)
-    with writer.inside(FUNCTION, function_bindings(node.args, [node.body], writer.module.home), is_later=True):
+    bindings = function_bindings(node.args, [node.body], writer.module.home)
+    with writer.inside(FUNCTION, bindings, node, is_later=True, is_at_once=True):
         writer.field("body", node.body, GIVEN)
     writer.out.append(")")
 
@@ -70,12 +71,13 @@ def _class(writer: Writer, node: ast.ClassDef, _role: int) -> None:
     with writer.inside(TYPES, type_parameter_bindings(node)):
         writer.field("types", list(getattr(node, "type_params", ())))
         writer.field("bases", node.bases, CALLED)
-        writer.field("keywords", node.keywords, CALLED)
+        writer.field("keywords", node.keywords, CALLED | GIVEN)
         if is_top:
             names.owner, writer.shared = Symbol(writer.module.name, node.name), _shared_containers(node)
         with writer.inside(CLASS, bindings):
-            skips = is_top and node.name in writer.fieldless
+            skips = names.is_in_fieldless = is_top and node.name in writer.fieldless
             writer.field("body", [each for each in node.body if not (skips and _skip_field(writer, each))])
+            names.is_in_fieldless = False
     names.owner, writer.shared = around
     writer.out.append(")")
 
@@ -127,13 +129,13 @@ def _type_alias(writer: Writer, node: Any, _role: int) -> None:  # noqa: ANN401 
 
 def _comprehension(writer: Writer, node: Comprehension, _role: int) -> None:
     writer.out.append(f"({type(node).__name__}")
-    writer.field("iter", node.generators[0].iter)
+    writer.field("iter", node.generators[0].iter, PART | ITERATED)
     bindings = bindings_of([each.target for each in node.generators], writer.module.home)
-    with writer.inside(FUNCTION, bindings):
+    with writer.inside(FUNCTION, bindings, node):
         for index, each in enumerate(node.generators):
             writer.out.append(" async for" if each.is_async else " for")
             writer.field("target", each.target)
-            writer.field("iter", each.iter if index else None)
+            writer.field("iter", each.iter if index else None, PART | ITERATED)
             writer.field("if", each.ifs, READ)
         for name in ("key", "value", "elt"):
             writer.field(name, getattr(node, name, None))
@@ -176,6 +178,12 @@ def _try(writer: Writer, node: ast.Try, role: int) -> None:
     writer.tries -= 1
 
 
+def _raise(writer: Writer, node: ast.Raise, role: int) -> None:
+    before, writer.names.is_raised = writer.names.is_raised, True
+    writer.generic(node, role)
+    writer.names.is_raised = before
+
+
 def _handler(writer: Writer, node: ast.ExceptHandler, _role: int) -> None:
     writer.out.append("(ExceptHandler")
     writer.field("type", node.type)
@@ -207,7 +215,7 @@ def _bound(writer: Writer, name: str | None) -> None:
 def _note_activity(writer: Writer, nodes: list[Any]) -> None:
     """Note that a definition calls something when it is executed."""
     if nodes and not writer.names.is_later:
-        writer.names.facts.is_active = True
+        writer.names.facts.is_active = writer.names.facts.is_acting = True
 
 
 def _refuse_global_writes(writer: Writer, bindings: Bindings, node: ast.AST) -> None:
@@ -235,6 +243,7 @@ DEFINITIONS: dict[type[ast.AST], Callable[[Writer, Any, int], None]] = {
     ast.Try: _try,
     ast.TryStar: _try,
     ast.ExceptHandler: _handler,
+    ast.Raise: _raise,
     ast.MatchAs: _pattern,
     ast.MatchStar: _pattern,
     ast.MatchMapping: _mapping_pattern,

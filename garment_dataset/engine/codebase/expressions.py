@@ -5,11 +5,13 @@ from __future__ import annotations
 import ast
 from typing import TYPE_CHECKING, Any
 
+from garment_dataset.engine.codebase.classes import last_name, only_stores
+from garment_dataset.engine.codebase.effects import CHANGING_METHODS, CHANGING_OPERATORS
 from garment_dataset.engine.codebase.modules import External, ModuleRef, Symbol
-from garment_dataset.engine.codebase.references import CALLED, CHANGED, GIVEN, HELD, METHOD, READ
+from garment_dataset.engine.codebase.reading import check_call, check_method
+from garment_dataset.engine.codebase.references import is_harmless
 from garment_dataset.engine.codebase.rules import MODULE_FUNCTIONS, REFUSED_ATTRIBUTES, module_as_value
-from garment_dataset.engine.codebase.statements import CHANGING_METHODS
-from garment_dataset.engine.codebase.values import last_name
+from garment_dataset.engine.codebase.uses import CALLED, CHANGED, GIVEN, HELD, LENT, METHOD, PART, READ
 from garment_dataset.engine.codebase.writer import constant
 from garment_dataset.engine.errors import UntraceableCodeError
 
@@ -51,17 +53,22 @@ def _attribute(writer: Writer, node: ast.Attribute, role: int) -> None:
     if node.attr in REFUSED_ATTRIBUTES:
         hint = "Name what is meant"
         writer.refuse(UntraceableCodeError("cannot be followed statically", found=node.attr, hint=hint), node)
-    is_stored = not isinstance(node.ctx, ast.Load)
+    is_stored, is_called = not isinstance(node.ctx, ast.Load), bool(role & CALLED)
     if is_stored:
         role = CHANGED
         _refuse_write_to_module(writer, node)
     if (target := writer.target(node)) is not None:
         writer.out.append(names.refer(target, node, role))
         return
+    if not names.is_annotation and not is_stored:
+        check_method(writer, node)
     if role & CHANGED and not is_stored and (node.attr == "__class__" or node.attr in writer.shared):
         names.change_owner()
-    if role & CALLED:
-        role = role & ~CALLED | (CHANGED if node.attr in CHANGING_METHODS else METHOD)
+    changes = node.attr in CHANGING_METHODS or node.attr in CHANGING_OPERATORS
+    if not changes:  # a method that changes the object holds it, even where it is not called
+        role = of_part(role & ~CALLED)
+    if is_called:
+        role = role & ~CALLED | (CHANGED if changes else METHOD)
         if not names.is_later and isinstance(base := writer.target(node.value), Symbol):
             names.facts.methods.add((base, node.attr))
     writer.out.append(f"(Attribute {node.attr!a}")
@@ -81,7 +88,7 @@ def _refuse_write_to_module(writer: Writer, node: ast.Attribute) -> None:
 
 def _subscript(writer: Writer, node: ast.Subscript, role: int) -> None:
     writer.out.append("(Subscript")
-    writer.field("value", node.value, role if isinstance(node.ctx, ast.Load) else CHANGED)
+    writer.field("value", node.value, of_part(role) if isinstance(node.ctx, ast.Load) else CHANGED)
     special = last_name(node.value) if writer.names.is_annotation else None
     if special in {"Literal", "Annotated"}:
         _values(writer, node.slice, types=1 if special == "Annotated" else 0)
@@ -101,22 +108,43 @@ def _values(writer: Writer, node: ast.expr, *, types: int) -> None:
 
 def _call(writer: Writer, node: ast.Call, role: int) -> None:
     names = writer.names
+    if names.is_annotation and writer.module.annotations_run and not names.is_lenient:
+        names.is_annotation = False
+        _call(writer, node, role)
+        names.is_annotation = True
+        return
     target = writer.target(node.func)
     if not names.is_later and not names.is_annotation:
         names.facts.is_active = True
+        names.facts.is_acting = names.facts.is_acting or not _only_looks(writer, target, node.keywords)
     dotted = target.dotted if isinstance(target, External) else None
     if dotted in MODULE_FUNCTIONS:
         _refuse_reach_into_module(writer, node, dotted.removeprefix("builtins."))
     if dotted == "builtins.type" and role & CHANGED:
         names.change_owner()
+    if not names.is_annotation:
+        check_call(writer, node, target)
     given = _argument_role(writer, node, target)
-    sets = dotted in {"builtins.setattr", "builtins.delattr"}
+    sets = dotted is not None and dotted.strip("_").endswith(("setattr", "delattr"))
     writer.out.append("(Call")
     writer.field("func", node.func, CALLED)
     writer.field("first", node.args[:1], CHANGED if sets else given)
     writer.field("args", node.args[1:], given)
-    writer.field("keywords", node.keywords, given)
+    # `max(values, key=function)` calls what it is given, `dict(name=value)` keeps it whole
+    writer.field("keywords", node.keywords, given | LENT if isinstance(target, External) else given)
     writer.out.append(")")
+
+
+def of_part(role: int) -> int:
+    """Return how a value is used of which an attribute or item is used in this way."""
+    return role & (CHANGED | READ) | (PART if role & ~(CHANGED | READ) else 0)
+
+
+def _only_looks(writer: Writer, target: Target | None, keywords: list[ast.keyword]) -> bool:
+    """Say whether a call does nothing to its arguments, nor to what they hold, but look at it or keep it."""
+    if isinstance(target, External):
+        return is_harmless(target.dotted) and not any(word.arg in {"key", "file"} for word in keywords)
+    return isinstance(target, Symbol) and only_stores(writer.names.modules, target)
 
 
 def _argument_role(writer: Writer, node: ast.Call, target: Target | None) -> int:

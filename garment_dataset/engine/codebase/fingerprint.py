@@ -15,7 +15,7 @@ from garment_dataset.engine.codebase.index import Index
 from garment_dataset.engine.codebase.libraries import library_versions
 from garment_dataset.engine.codebase.modules import Modules, Symbol, with_parents
 from garment_dataset.engine.codebase.reach import EFFECTS, Reach
-from garment_dataset.engine.codebase.references import NOW
+from garment_dataset.engine.codebase.uses import NOW
 from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:

@@ -96,6 +96,18 @@ class Module:
         return tuple(statement for statement in self.statements if statement.has_effect)
 
     @cached_property
+    def setters(self) -> tuple[Statement, ...]:
+        """The definitions that may set something in a library when they are called."""
+        return tuple(statement for statement in self.statements if statement.sets_later)
+
+    @cached_property
+    def annotations_run(self) -> bool:
+        """Whether importing it evaluates annotations."""
+        return not any(
+            isinstance(each.node, ast.ImportFrom) and each.node.module == "__future__" for each in self.statements[:3]
+        )
+
+    @cached_property
     def loaded_submodules(self) -> frozenset[str]:
         """The submodules that it imports from: they become its variables, without any statement that says so."""
         prefix = f"{self.name}."

@@ -5,34 +5,64 @@ from __future__ import annotations
 import ast
 import sys
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
+from garment_dataset.engine.codebase.classes import may_call_its_arguments, only_stores
+from garment_dataset.engine.codebase.effects import root_name
 from garment_dataset.engine.codebase.modules import External, ModuleRef, Symbol
 from garment_dataset.engine.codebase.rules import located, module_as_value, refusal_of
 from garment_dataset.engine.codebase.scopes import CLASS, DEFINITION, MODULE, PARAMETER, Bindings, Scope
-from garment_dataset.engine.codebase.statements import root_name
+from garment_dataset.engine.codebase.uses import CALLED, CHANGED, GIVEN, HELD, INTO, ITERATED, LATER, LENT, PART, READ
+from garment_dataset.engine.codebase.world import names_a_file, unnamed_file, world_refusal
 from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
     from garment_dataset.engine.codebase.modules import Module, Modules, Target
     from garment_dataset.engine.codebase.scopes import ImportTarget
 
-READ, HELD, GIVEN, CHANGED, METHOD, CALLED, LENT = (1 << bit for bit in range(7))
-"""How a value is used: only looked at, stored elsewhere, given to first-party code, changed, a method of it called,
-called itself, given to a library."""
-
-LATER = 8
-"""Shift of the same flags for uses in a function's body, which importing the module does not run."""
-
-NOW = (1 << LATER) - 1
-"""Mask of the uses that importing the module makes."""
-
 _PURE = """
-abs all any bool bytes callable complex divmod float format hasattr hash id int isinstance issubclass len max min ord
-pow print range repr round str sum type
+abs bool bytes callable complex divmod float format hasattr hash id int isinstance issubclass len ord pow print range
+repr round str type
 """
 _PURE_BUILTINS = frozenset(f"builtins.{name}" for name in _PURE.split())
+_GOING_THROUGH = "all any dict enumerate frozenset iter list max min reversed set sorted sum tuple zip"
+_GOING_THROUGH_BUILTINS = frozenset(f"builtins.{name}" for name in _GOING_THROUGH.split())
 _IMPLICIT = frozenset({"__class__", "__module__", "__qualname__"})
+
+
+def is_harmless(dotted: str) -> bool:
+    """Say whether a builtin does nothing to its arguments but look at them, go through them or keep them."""
+    return dotted in _PURE_BUILTINS or dotted in _GOING_THROUGH_BUILTINS
+
+
+def _role_in_library(dotted: str) -> int:
+    if dotted in _PURE_BUILTINS:
+        return READ
+    return PART | ITERATED if dotted in _GOING_THROUGH_BUILTINS else LENT
+
+
+class Passed(NamedTuple):
+    """What a call gives a first-party function for one of its parameters.
+
+    Parameters
+    ----------
+    function : Symbol
+        The function called.
+    place : int or str
+        Which argument, by position or keyword.
+    is_fixed : bool
+        Whether it is made of nothing that the calling function was given.
+    parameters : frozenset of str
+        The parameters of the calling function with which it begins.
+    line : int
+        Where.
+    """
+
+    function: Symbol
+    place: int | str
+    is_fixed: bool
+    parameters: frozenset[str]
+    line: int
 
 
 @dataclass(slots=True)
@@ -55,6 +85,12 @@ class Facts:
         What its import statements load, and on which line.
     is_active : bool
         Whether importing the module makes it call something.
+    is_acting : bool
+        Whether that may do something to what the statement mentions: more than look at it or store it.
+    opens : set of str
+        Parameters of the function it defines that name files which the function reads or writes.
+    passes : list of Passed
+        What it gives to first-party functions that could be such a name.
     problems : list of UntraceableCodeError
         What in it cannot be followed.
     """
@@ -66,6 +102,9 @@ class Facts:
     consulted: set[str] = field(default_factory=set)
     loads: list[tuple[ImportTarget, int]] = field(default_factory=list)
     is_active: bool = False
+    is_acting: bool = False
+    opens: set[str] = field(default_factory=set)
+    passes: list[Passed] = field(default_factory=list)
     problems: list[UntraceableCodeError] = field(default_factory=list)
 
 
@@ -78,10 +117,16 @@ class References:
         Where the walk is.
     is_later : bool
         Whether it is in a function's body.
+    is_at_once : bool
+        Whether that may be called by the very statement that makes it: it is a lambda's.
     is_annotation : bool
         Whether it is in an annotation: what that names is only named.
     is_lenient : bool
         Whether it is in a string that may or may not be an annotation.
+    is_raised : bool
+        Whether it is in a ``raise``.
+    is_in_fieldless : bool
+        Whether it is in a class whose fields are left out.
     owner : Symbol or None
         The class of the module that it is in.
     """
@@ -90,10 +135,13 @@ class References:
         self.facts = Facts()
         self.scope = Scope(MODULE, Bindings(), None)
         self.is_later = False
+        self.is_at_once = False
         self.is_annotation = False
         self.is_lenient = False
+        self.is_raised = False
+        self.is_in_fieldless = False
         self.owner: Symbol | None = None
-        self._modules = modules
+        self.modules = modules
         self._module = module
         self._numbers: dict[tuple[Scope, str], int] = {}
 
@@ -122,7 +170,7 @@ class References:
             if isinstance(base, ModuleRef):
                 trail: set[str] = set()
                 try:
-                    return self._modules.attribute(base.module, node.attr, trail)
+                    return self.modules.attribute(base.module, node.attr, trail)
                 finally:
                     self._consult(trail)
             if isinstance(base, External):
@@ -133,7 +181,7 @@ class References:
         """Return what an import statement gives; raises as :meth:`target_of`."""
         trail: set[str] = set()
         try:
-            return self._modules.imported(target, trail)
+            return self.modules.imported(target, trail)
         finally:
             self._consult(trail)
 
@@ -170,16 +218,29 @@ class References:
                 self.refuse(module_as_value(module), node)
                 return f"m{module!a}"
             case External(dotted):
-                if (error := refusal_of(dotted)) is not None:
+                if (error := refusal_of(dotted) or self._world_refusal(dotted, role)) is not None:
                     self.refuse(error, node)
                 root = dotted.partition(".")[0]
                 if root not in sys.stdlib_module_names:
                     self.facts.libraries.add(root)
                 return f"x{dotted!a}"
             case Symbol():
-                flags = 0 if self.is_annotation else role << (LATER if self.is_later else 0)
+                flags = 0 if self.is_annotation else role << LATER if self.is_later else role
+                if self.is_at_once and not self.is_annotation:
+                    flags |= role
                 self.facts.uses[target] = self.facts.uses.get(target, 0) | flags
                 return f"s{target.module!a}:{target.name!a}"
+
+    def _world_refusal(self, dotted: str, role: int) -> UntraceableCodeError | None:
+        if self.is_annotation:
+            return None
+        is_called = bool(role & CALLED)
+        function = self.scope.function if dotted == "builtins.hash" else None
+        error = world_refusal(dotted, is_called=is_called, is_raised=self.is_raised, function=function)
+        is_type = dotted.rpartition(".")[2][:1].isupper()
+        if error is None and not is_called and not is_type and names_a_file(dotted):
+            return unnamed_file(f"{dotted} as a value")
+        return error
 
     def change_owner(self) -> None:
         """Note that a method changes the class it belongs to."""
@@ -189,21 +250,26 @@ class References:
     def argument_role(self, function: ast.expr, target: Target | None) -> int:
         """Return what a call may do with its arguments."""
         if isinstance(target, External):
-            return READ if target.dotted in _PURE_BUILTINS else LENT
-        if target is None and isinstance(function, ast.Attribute):
-            root = root_name(function)
-            if root is None or self.scope.find(root) is not None:
-                return HELD
-            return GIVEN if isinstance(self._resolve(root), Symbol) else HELD
+            return _role_in_library(target.dotted)
         if isinstance(target, Symbol):
-            symbols = self._modules.module(target.module).symbols[target.name]
-            return HELD if all(isinstance(each.node, ast.ClassDef) for each in symbols) else GIVEN
+            return self._role_in(target)
+        if target is None and isinstance(function, ast.Attribute):
+            if isinstance(function.value, ast.Constant | ast.JoinedStr):
+                return PART | ITERATED  # a method of a text
+            root = root_name(function)
+            is_own = root is not None and self.scope.find(root) is None and isinstance(self._resolve(root), Symbol)
+            return GIVEN if is_own else HELD
         return HELD
+
+    def _role_in(self, target: Symbol) -> int:
+        if only_stores(self.modules, target):
+            return HELD
+        return GIVEN if may_call_its_arguments(self.modules, target) else INTO
 
     def _resolve(self, name: str) -> Target | None:
         trail: set[str] = set()
         try:
-            return self._modules.resolve(self._module, name, trail)
+            return self.modules.resolve(self._module, name, trail)
         finally:
             self._consult(trail)
 

@@ -200,14 +200,43 @@ def _bind_import(node: ast.Import | ast.ImportFrom, found: Bindings, home: Home)
 
 
 class Scope:
-    """One scope of a module, and the canonical names of its variables."""
+    """One scope of a module.
 
-    __slots__ = ("bindings", "kind", "parent")
+    Attributes
+    ----------
+    kind : str
+        Of a module, a class, a function or type parameters.
+    bindings : Bindings
+        The names it binds.
+    parent : Scope or None
+        The scope around.
+    node : ast.AST or None
+        The syntax it belongs to, of functions and comprehensions.
+    """
 
-    def __init__(self, kind: str, bindings: Bindings, parent: Scope | None) -> None:
+    __slots__ = ("bindings", "kind", "node", "parent")
+
+    def __init__(self, kind: str, bindings: Bindings, parent: Scope | None, node: ast.AST | None = None) -> None:
         self.kind = kind
         self.bindings = bindings
         self.parent = parent
+        self.node = node
+
+    @property
+    def is_outermost(self) -> bool:
+        """Whether it is that of a function at the top of a module."""
+        around = self.parent
+        while around is not None and around.kind == TYPES:
+            around = around.parent
+        return self.kind == FUNCTION and (around is None or around.kind == MODULE)
+
+    @property
+    def function(self) -> str | None:
+        """Name of the function it is in."""
+        scope: Scope | None = self
+        while scope is not None and not isinstance(scope.node, ast.FunctionDef | ast.AsyncFunctionDef):
+            scope = scope.parent
+        return None if scope is None else getattr(scope.node, "name", None)
 
     def find(self, name: str) -> Scope | None:
         """Return the scope that ``name`` belongs to when used here; None for the module's, or nobody's."""

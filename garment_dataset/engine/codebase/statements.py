@@ -10,20 +10,20 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
+from garment_dataset.engine.codebase.effects import (
+    is_borrowed,
+    is_made_for_its_effect,
+    may_set,
+    names_read_in,
+    outcomes,
+    sets_something,
+)
 from garment_dataset.engine.codebase.scopes import IMPORT, Bindings, bindings_of
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+    from collections.abc import Iterator, Mapping, Sequence
 
     from garment_dataset.engine.codebase.scopes import Home
-
-_CHANGING = """
-add append appendleft clear difference_update discard extend extendleft insert intersection_update pop popitem popleft
-remove reverse rotate setdefault sort subtract symmetric_difference_update update
-fill itemset partition put resize setfield setflags byteswap
-"""
-CHANGING_METHODS = frozenset(_CHANGING.split())
-"""Methods of containers and arrays that change the object they are called on."""
 
 _WORD = re.compile(r"\w+")
 _BASE = re.compile(r"(\w+)\s*[.\[)#\\]")
@@ -65,6 +65,12 @@ class Statement:
         return self.bindings.kinds
 
     @cached_property
+    def sets_later(self) -> bool:
+        """Whether it defines what may set something in a library when it is called."""
+        is_definition = isinstance(self.node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef)
+        return is_definition and may_set(self.source)
+
+    @cached_property
     def words(self) -> frozenset[str]:
         """Every identifier in it, and words of comments and strings: cheap, to rule statements out by."""
         return frozenset(_WORD.findall(self.source))
@@ -86,14 +92,15 @@ def statements_of(tree: ast.Module, source: str, home: Home) -> tuple[Statement,
     lines = (source if source.isascii() else unicodedata.normalize("NFKC", source)).split("\n")
     found = [(node, for_checkers, bindings_of([node], home)) for node, for_checkers in _flat(tree.body)]
     own = {name for _, _, names in found for name, kind in names.kinds.items() if kind != IMPORT}
-    names_read = functools.cache(lambda: _names_read(tree))
+    own -= {name for node, _, names in found if is_borrowed(node) for name in names.kinds}
+    names_read = functools.cache(lambda: names_read_in(tree))
     statements = []
     for index, (node, for_checkers, names) in enumerate(found):
-        outcomes = set(_outcomes(node, own))
-        has_effect = None in outcomes or _is_made_for_its_effect(node, names, names_read)
-        changes = frozenset(name for name in outcomes if name is not None)
+        acts_on = set(outcomes(node, own))
+        changes = frozenset(name for name in acts_on if name is not None)
         first = min([node.lineno, *(each.lineno for each in getattr(node, "decorator_list", ()))])
         text = "\n".join(lines[first - 1 : node.end_lineno])
+        has_effect = None in acts_on or is_made_for_its_effect(node, names, names_read) or sets_something(node, text)
         statements.append(Statement(node, index, for_checkers, names, changes, has_effect and not for_checkers, text))
     return tuple(statements)
 
@@ -109,69 +116,3 @@ def _flat(body: Sequence[ast.stmt]) -> Iterator[tuple[ast.stmt, bool]]:
                 yield from ((child, False) for child in node.orelse)
             case _:
                 yield node, False
-
-
-def root_name(node: ast.AST) -> str | None:
-    """Return the name that a chain of attributes and items begins with."""
-    while isinstance(node, ast.Attribute | ast.Subscript | ast.Starred):
-        node = node.value
-    return node.id if isinstance(node, ast.Name) else None
-
-
-def _outcomes(node: ast.stmt, own: Collection[str]) -> Iterator[str | None]:
-    """Yield the own variables whose values a statement changes, and None for an effect elsewhere."""
-    match node:
-        case ast.Expr(value=ast.Constant()):
-            return
-        case ast.Expr(value=ast.Call(func=ast.Attribute(attr=attr, value=value))) if attr in CHANGING_METHODS:
-            yield root_name(value) if root_name(value) in own else None
-        case ast.Expr() | ast.Raise() | ast.Assert():
-            yield None
-        case ast.Assign() | ast.Delete():
-            yield from _target_outcomes(node.targets, own)
-        case ast.AnnAssign() | ast.AugAssign() | ast.For() | ast.AsyncFor():
-            yield from _target_outcomes([node.target], own)
-        case ast.With() | ast.AsyncWith():
-            yield from _target_outcomes([item.optional_vars for item in node.items if item.optional_vars], own)
-        case _:
-            pass
-    if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.ClassDef):
-        for child in _child_statements(node):
-            yield from _outcomes(child, own)
-
-
-def _child_statements(node: ast.AST) -> Iterator[ast.stmt]:
-    for child in ast.iter_child_nodes(node):
-        if isinstance(child, ast.stmt):
-            yield child
-        elif isinstance(child, ast.ExceptHandler | ast.match_case):
-            yield from _child_statements(child)
-
-
-def _target_outcomes(targets: Sequence[ast.expr], own: Collection[str]) -> Iterator[str | None]:
-    for target in targets:
-        match target:
-            case ast.Tuple() | ast.List():
-                yield from _target_outcomes(target.elts, own)
-            case ast.Starred():
-                yield from _target_outcomes([target.value], own)
-            case ast.Attribute() | ast.Subscript():
-                yield root_name(target) if root_name(target) in own else None
-            case _:
-                pass
-
-
-def _is_made_for_its_effect(node: ast.stmt, names: Bindings, names_read: Callable[[], frozenset[str]]) -> bool:
-    """Say whether a call's result goes to a private name that nobody reads, as in ``_ = np.seterr(all="raise")``."""
-    if not isinstance(node, ast.Assign | ast.AnnAssign) or node.value is None or not names.kinds:
-        return False
-    private = all(name.startswith("_") and (name == "_" or not name.endswith("__")) for name in names.kinds)
-    if not private or not any(isinstance(each, ast.Call) for each in ast.walk(node.value)):
-        return False
-    return names_read().isdisjoint(names.kinds)
-
-
-def _names_read(tree: ast.Module) -> frozenset[str]:
-    return frozenset(
-        node.id for node in ast.walk(tree) if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Load)
-    )

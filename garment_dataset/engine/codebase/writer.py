@@ -13,8 +13,10 @@ from collections.abc import Callable, Mapping
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.engine.codebase.references import GIVEN, HELD, READ, References
+from garment_dataset.engine.codebase.paths import Origins
+from garment_dataset.engine.codebase.references import References
 from garment_dataset.engine.codebase.scopes import Bindings, Scope
+from garment_dataset.engine.codebase.uses import GIVEN, HELD, ITERATED, METHOD, PART, READ
 from garment_dataset.engine.errors import UntraceableCodeError
 
 if TYPE_CHECKING:
@@ -25,7 +27,23 @@ if TYPE_CHECKING:
 _NOT_CODE = frozenset({"ctx", "type_comment", "kind", "type_params"})
 _LOOKING = frozenset({ast.Compare, ast.BinOp, ast.UnaryOp, ast.Slice})
 _HANDING_ON = frozenset({ast.Assign, ast.Return, ast.Yield, ast.YieldFrom, ast.NamedExpr})
-_TRANSPARENT = frozenset({ast.BoolOp, ast.IfExp, ast.Starred, ast.Await, ast.keyword})
+_TRANSPARENT = frozenset({ast.BoolOp, ast.IfExp, ast.Await, ast.keyword})
+
+_ROLES: Mapping[tuple[type[ast.AST], str], int] = {
+    (ast.For, "iter"): PART | ITERATED,
+    (ast.AsyncFor, "iter"): PART | ITERATED,
+    (ast.Starred, "value"): PART | ITERATED,
+    (ast.withitem, "context_expr"): HELD | METHOD,
+    (ast.If, "test"): READ,
+    (ast.IfExp, "test"): READ,
+    (ast.While, "test"): READ,
+    (ast.Dict, "keys"): HELD | READ,
+    (ast.Set, "elts"): HELD | READ,
+    (ast.MatchClass, "cls"): READ,
+    (ast.BinOp, "left"): READ | PART,
+    (ast.BinOp, "right"): READ | PART,
+}
+"""How the value in a field is used, where that is not as the whole is."""
 
 Handlers = Mapping[type[ast.AST], Callable[["Writer", Any, int], None]]
 """What writes the kinds of syntax that need more than their fields one after the other."""
@@ -48,6 +66,8 @@ class Writer:
         The module's classes whose fields are left out.
     shared : frozenset of str
         Containers that all objects of the class around share.
+    origins : Origins
+        Tells where the values of expressions come from.
     """
 
     def __init__(self, modules: Modules, module: Module, fieldless: frozenset[str], handlers: Handlers) -> None:
@@ -58,6 +78,7 @@ class Writer:
         self.fieldless = fieldless
         self.shared: frozenset[str] = frozenset()
         self._handlers = handlers
+        self.origins = Origins(self.names)
 
     def write(self, node: ast.AST, role: int = HELD) -> None:
         """Write any node; ``role`` says how the value of an expression is used."""
@@ -65,18 +86,20 @@ class Writer:
         if (handler := self._handlers.get(kind)) is not None:
             handler(self, node, role)
         elif kind in _LOOKING:
-            self.generic(node, READ)
+            self.generic(node, READ | ITERATED if isinstance(node, ast.Compare) else READ)
         elif kind in _HANDING_ON:
-            self.generic(node, GIVEN if self.names.is_later else HELD)
+            role = GIVEN if self.names.is_later else HELD
+            self.generic(node, role | PART | ITERATED if _takes_apart(node) else role)
         else:
-            self.generic(node, role if kind in _TRANSPARENT else HELD)
+            role = role if kind in _TRANSPARENT else HELD
+            self.generic(node, role | READ if kind is ast.BoolOp else role)
 
     def generic(self, node: ast.AST, role: int) -> None:
         """Write a node's type and every field that is not empty."""
         self.out.append(f"({type(node).__name__}")
         for name in node._fields:
             if name not in _NOT_CODE:
-                self.field(name, getattr(node, name, None), role)
+                self.field(name, getattr(node, name, None), _ROLES.get((type(node), name), role))
         self.out.append(")")
 
     def field(self, name: str, value: object, role: int = HELD) -> None:
@@ -116,21 +139,40 @@ class Writer:
         self.names.refuse(error, node)
 
     @contextmanager
-    def inside(self, kind: str, bindings: Bindings, *, is_later: bool = False) -> Iterator[None]:
-        """Walk in an inner scope; ``is_later`` when importing the module does not run it."""
-        before = self.names.scope, self.names.is_later
-        self.names.scope = Scope(kind, bindings, self.names.scope)
-        self.names.is_later = self.names.is_later or is_later
+    def inside(
+        self,
+        kind: str,
+        bindings: Bindings,
+        node: ast.AST | None = None,
+        *,
+        is_later: bool = False,
+        is_at_once: bool = False,
+    ) -> Iterator[None]:
+        """Walk in an inner scope; ``is_later`` when importing the module does not run it, but for ``is_at_once``."""
+        names = self.names
+        before = names.scope, names.is_later, names.is_at_once
+        names.scope = Scope(kind, bindings, names.scope, node)
+        names.is_at_once = is_at_once and (names.is_at_once or not names.is_later) if is_later else names.is_at_once
+        names.is_later = names.is_later or is_later
         try:
             yield
         finally:
-            self.names.scope, self.names.is_later = before
+            names.scope, names.is_later, names.is_at_once = before
 
     def _item(self, value: object, role: int) -> None:
         if isinstance(value, ast.AST):
             self.write(value, role)
         else:
             self.out.append("~" if value is None else constant(value))
+
+
+def _takes_apart(node: ast.AST) -> bool:
+    """Say whether an assignment goes through its value."""
+    return (
+        isinstance(node, ast.Assign)
+        and not isinstance(node.value, ast.Tuple)
+        and any(isinstance(each, ast.Tuple | ast.List) for each in node.targets)
+    )
 
 
 def _does_nothing(node: object) -> bool:
