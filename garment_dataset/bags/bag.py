@@ -61,6 +61,19 @@ class Bag(ABC):
         """Yield the messages on ``topics`` in order, not yet looked into."""
 
     @abstractmethod
+    def contradictions(self) -> list[str]:
+        """Tell where the recording does not hold what it says of itself, in one line each; none of a sound one.
+
+        Messages are read as its index has them, so that such a line may stand for messages that are missing, or are
+        taken for others. Damage that shows in a single message is that message's fault and not repeated here.
+
+        Raises
+        ------
+        BagError
+            If the bag is closed, or (rosbag2 only) if its storage is damaged.
+        """
+
+    @abstractmethod
     def _release(self) -> None:
         """Let go of the files."""
 

@@ -45,6 +45,10 @@ class Rosbag2(Bag):
             raise BagError("cannot be opened", where=path, found=reason(error), hint=_HINT) from error
         self.topics = summarise(self._reader.connections)
 
+    def contradictions(self) -> list[str]:
+        """Compare."""
+        return []
+
     def _records(self, topics: Collection[str]) -> Iterator[Record]:
         self._check_open()
         connections = [each for each in self._reader.connections if each.topic in topics]

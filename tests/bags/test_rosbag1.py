@@ -255,11 +255,11 @@ def test_an_index_may_point_to_the_connection_before_a_message(forge_bag: WriteB
 @pytest.mark.parametrize(
     ("forgery", "fault"),
     [
-        ({"message_op": b"\x05"}, r"record: expected op, conn, time \(b'\\x02', .* found \(b'\\x05'"),
-        ({"message_connection": 3}, r"record: expected op, conn, time"),
-        ({"message_stamp_ns": START_NS + 10**9}, r"record: expected op, conn, time"),
-        ({"offset_shift": 10**6}, r"byte 1000000 of the chunk: record: found a header beyond its \d+ bytes"),
-        ({"offset_shift": 2}, r"byte 2 of the chunk: record"),
+        ({"message_op": b"\x05"}, r"record at byte 0: expected op, conn, time \(b'\\x02', .* found \(b'\\x05'"),
+        ({"message_connection": 3}, r"record at byte 0: expected op, conn, time"),
+        ({"message_stamp_ns": START_NS + 10**9}, r"record at byte 0: expected op, conn, time"),
+        ({"offset_shift": 10**6}, r"record at byte 1000000: found .* record does not fit: found -\d+ bytes left"),
+        ({"offset_shift": 2}, r"record at byte 2: found byte 2: record does not fit: found \d+ bytes of header"),
     ],
 )
 def test_an_index_that_misleads_costs_the_messages_it_misleads_to(
@@ -288,11 +288,12 @@ def test_a_lost_chunk_costs_only_its_own_messages(ros1: Any, write_bag: WriteBag
         found = list(bag.images("/depth", "depth"))
         assert [message.fault is None for message in found] == [True, False, True]
         assert found[1].fault is not None
-        assert found[1].fault.startswith("chunk cannot be inflated: found ")
+        assert found[1].fault.startswith("chunk at byte ")
+        assert ": cannot be inflated: found " in found[1].fault
         assert np.all(found[2].pixels() == 2)
 
 
-@pytest.mark.parametrize(("claim", "fault"), [(2**31, "chunk too large to inflate"), (5, "inflates to another size")])
+@pytest.mark.parametrize(("claim", "fault"), [(2**31, "too large to inflate"), (5, "inflates to another size")])
 def test_a_chunk_that_lies_about_its_size_is_lost(ros1: Any, write_bag: WriteBag, claim: int, fault: str) -> None:
     path = write_bag([("/depth", IMAGE, START_NS, depth_message(ros1, 1))], "lz4")
     content = path.read_bytes()
