@@ -7,13 +7,14 @@ message in the file is not known. Unlike in a ROS 1 bag, damaged storage ends th
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 from rosbags.rosbag2 import Reader
 
 from garment_dataset.bags.bag import Bag, reason, summarise
 from garment_dataset.bags.messages import Payload, Record
-from garment_dataset.errors import BagError
+from garment_dataset.bags.rosbag2_check import check_mcap, check_metadata, check_sqlite
+from garment_dataset.errors import BagError, MessageError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -41,13 +42,33 @@ class Rosbag2(Bag):
         try:
             self._reader = Reader(path)
             self._reader.open()
+            if path.is_dir():  # one file is read after the other; which is the first, their stamps say
+                storages: list[Any] = cast("Any", self._reader.storage).storages
+                storages.sort(key=lambda storage: storage.metadata.start_time)
+            self.topics = summarise(self._reader.connections)
         except Exception as error:  # rosbags lets through what sqlite, yaml, zstd and lz4 raise
             raise BagError("cannot be opened", where=path, found=reason(error), hint=_HINT) from error
-        self.topics = summarise(self._reader.connections)
 
     def contradictions(self) -> list[str]:
-        """Compare."""
-        return []
+        """Compare metadata and indexes with the storage, all of which is read; verify every checksum it has."""
+        self._check_open()
+        try:
+            return list(self._contradictions())
+        except MessageError as error:
+            hint = "Run `mcap recover` on a copy of it."
+            raise BagError("its storage is damaged", where=self.path, found=error, hint=hint) from error
+        except BagError:
+            raise
+        except Exception as error:
+            raise BagError("its storage is damaged", where=self.path, found=reason(error), hint=_HINT) from error
+
+    def _contradictions(self) -> Iterator[str]:
+        storage: Any = self._reader.storage
+        storages = storage.storages if self.path.is_dir() else [storage]
+        for each in storages:
+            yield from check_sqlite(each) if hasattr(each, "dbconn") else check_mcap(each.path)
+        if self.path.is_dir():
+            yield from check_metadata(storage, [file.name for file in self._files if file.name != "metadata.yaml"])
 
     def _records(self, topics: Collection[str]) -> Iterator[Record]:
         self._check_open()
