@@ -23,6 +23,7 @@ if TYPE_CHECKING:
     from typing import Self
 
     from rosbags.interfaces import Connection
+    from rosbags.interfaces.typing import Typesdict
     from rosbags.typesys.store import Typestore
 
     from garment_dataset.bags.images import Kind
@@ -208,10 +209,30 @@ def _typestore(message_type: str, definition: MessageDefinition) -> Typestore:
         return get_typestore(Stores.ROS2_HUMBLE)
     store = get_typestore(Stores.EMPTY)
     try:
-        store.register(get_types_from_msg(definition.data, message_type))
+        types = get_types_from_msg(definition.data, message_type)
+        _check_definition(types)
+        store.register(types)
     except _UNREADABLE:
         return get_typestore(Stores.EMPTY)  # each of its messages will be reported
     return store
+
+
+def _check_definition(types: Typesdict) -> None:
+    """Refuse definitions of common types that lack a field, or have it as something else.
+
+    A damaged definition may well be readable: by it, another number would be read, or a field be missing where it is
+    used. Further fields are no damage.
+    """
+    for name, (_, fields) in types.items():
+        found = dict(fields)
+        known = [store.fielddefs[name][1] for store in _common_types() if name in store.fielddefs]
+        if known and not any(all(found.get(each) == kind for each, kind in common) for common in known):
+            raise TypesysError(f"The definition of {name} lacks fields of the common one.")
+
+
+@lru_cache(maxsize=1)
+def _common_types() -> tuple[Typestore, ...]:
+    return get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
 
 
 def summarise(connections: Iterable[Connection]) -> dict[str, Topic]:

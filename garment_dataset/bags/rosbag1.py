@@ -94,7 +94,7 @@ class Rosbag1(Bag):
         """Compare the index with what the chunks hold; inflates those that are not inflated yet."""
         self._check_open()
         assert self._chunks is not None
-        return list(contradictions(self._content, self._index, self._chunks.content))
+        return list(contradictions(self._content, self._index, self._chunks.places, self._chunks.content))
 
     def _read(self, connection_id: int, time_ns: int, chunk_position: int, offset: int) -> Payload:
         self._check_open()
@@ -164,6 +164,11 @@ class _Chunks:
         self._stored = {position: _stored(content, position, chunk) for position, chunk in chunks.items()}
         self._inflated: dict[int, Payload | str] = {}  # the content, or why it is lost
         self._scratch: _Scratch | None = None
+
+    @property
+    def places(self) -> Collection[int]:
+        """Where the chunks begin in the file."""
+        return self._stored.keys()
 
     def content(self, position: int) -> memoryview:
         """Return the plain content of the chunk at ``position``; MessageError if it is lost."""

@@ -14,7 +14,7 @@ from garment_dataset.bags.rosbag1_layout import BagLayout, ChunkContent, Entry, 
 from garment_dataset.errors import MessageError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
     from rosbags.rosbag1.reader import IndexData
 
@@ -36,7 +36,10 @@ class _Findings:
 
 
 def contradictions(
-    file: memoryview, index: Mapping[int, Sequence[IndexData]], open_chunk: Callable[[int], memoryview]
+    file: memoryview,
+    index: Mapping[int, Sequence[IndexData]],
+    chunks: Iterable[int],
+    open_chunk: Callable[[int], memoryview],
 ) -> Iterator[str]:
     """Yield what is wrong with a bag, in one line each.
 
@@ -46,12 +49,14 @@ def contradictions(
         The whole bag.
     index : mapping of int to sequence
         What the index says: the messages of each connection.
+    chunks : iterable of int
+        The places of the chunks that are read.
     open_chunk : callable
-        Returns the plain content of the chunk at a place, or raises MessageError.
+        Returns the plain content of one of them, or raises MessageError.
     """
     layout = read_layout(file)
     table = dict(layout.table)
-    entries: dict[int, list[Entry]] = {position: [] for position in table}
+    entries: dict[int, list[Entry]] = {position: [] for position in chunks}
     for connection, indexed in index.items():
         for each in indexed:
             entries.setdefault(each.chunk_pos, []).append(Entry(each.offset, connection, each.time))

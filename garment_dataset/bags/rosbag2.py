@@ -77,9 +77,17 @@ class Rosbag2(Bag):
             return
         try:
             for connection, stamp_ns, data in self._reader.messages(connections):
+                _check_types(stamp_ns, data)
                 yield Record(connection, stamp_ns, partial(Payload, memoryview(data), None))
         except Exception as error:
             raise BagError("cannot be read to its end", where=self.path, found=reason(error), hint=_HINT) from error
 
     def _release(self) -> None:
         self._reader.close()
+
+
+def _check_types(stamp_ns: object, data: object) -> None:
+    """Refuse what a database may hold in these columns, whose types bind nobody."""
+    if not isinstance(stamp_ns, int) or not isinstance(data, bytes):
+        found = f"{type(stamp_ns).__name__} and {type(data).__name__}"
+        raise MessageError("stamp and data", expected="int and bytes", found=found)
