@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import struct
 import warnings
 from abc import ABC, abstractmethod
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
@@ -14,7 +16,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 
 from garment_dataset.bags.headers import ImageHeader, read_image
 from garment_dataset.bags.messages import ImageMessage, Message, Record, Topic
-from garment_dataset.errors import BagError, DataWarning, MessageError
+from garment_dataset.errors import BagError, DataWarning, MessageError, SourceError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -30,6 +32,13 @@ if TYPE_CHECKING:
 
 # rosbags raises the first two on purpose; the others escape from its generated code and its assertions.
 _UNREADABLE = (SerdeError, TypesysError, AssertionError, ValueError, LookupError, ArithmeticError, struct.error)
+
+
+# Other numbers, such as that of a seek to a senseless place, and errors without one, come from the data
+_OF_THE_MACHINE = {
+    *(errno.EACCES, errno.EPERM, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE, errno.ENOSPC),
+    *(errno.ENODEV, errno.ENXIO, errno.ESTALE, errno.ETIMEDOUT),
+}
 
 
 class Bag(ABC):
@@ -249,6 +258,30 @@ def summarise(connections: Iterable[Connection]) -> dict[str, Topic]:
 def reason(error: BaseException) -> str:
     """Return what an exception says; failed assertions say nothing but their name."""
     return str(error) or type(error).__name__
+
+
+@contextmanager
+def reporting(path: Path, what: str, hint: str) -> Iterator[None]:
+    """Report whatever goes wrong with a recording in one line.
+
+    Raises
+    ------
+    SourceError
+        If the machine cannot read it: no permission, no memory, a failing disk. The recording may be sound.
+    BagError
+        If what was read cannot be understood.
+    """
+    try:
+        yield
+    except (BagError, SourceError):
+        raise
+    except Exception as error:  # rosbags lets through what its libraries raise, and asserts what damage breaks
+        for each in (error, error.__cause__):
+            if isinstance(each, MemoryError):
+                raise SourceError("cannot be read", where=path, found="not enough memory") from error
+            if isinstance(each, OSError) and each.errno in _OF_THE_MACHINE:
+                raise SourceError("cannot be read", where=path, found=each.strerror) from error
+        raise BagError(what, where=path, found=reason(error), hint=hint) from error
 
 
 def _shortened(texts: Sequence[str], most: int = 5) -> str:

@@ -99,7 +99,7 @@ def read_mcap(file: memoryview) -> McapContent:
     content = McapContent()
     _check_summary(file)
     covered, in_summary, chunk = True, False, -1
-    for op, position, body in _records(file, len(MAGIC), len(file) - len(MAGIC)):
+    for op, position, body in records(file):
         if op == _DATA_END:
             in_summary = True
             if not covered and (wanted := _UINT32.unpack_from(body)[0]):
@@ -119,6 +119,11 @@ def read_mcap(file: memoryview) -> McapContent:
         elif op in {_SCHEMA, _CHANNEL}:
             _describe(content.described, op, body)
     return content
+
+
+def records(file: memoryview) -> Iterator[tuple[int, int, memoryview]]:
+    """Yield op, place and body of the records of a file; MessageError at the first that does not fit."""
+    return _records(file, len(MAGIC), len(file) - len(MAGIC))
 
 
 def _records(data: memoryview, start: int, end: int) -> Iterator[tuple[int, int, memoryview]]:

@@ -15,12 +15,11 @@ import tempfile
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from struct import error as struct_error
 from typing import TYPE_CHECKING, BinaryIO, cast
 
-from rosbags.rosbag1 import Reader, ReaderError
+from rosbags.rosbag1 import Reader
 
-from garment_dataset.bags.bag import Bag, reason, summarise
+from garment_dataset.bags.bag import Bag, reporting, summarise
 from garment_dataset.bags.inflation import inflate
 from garment_dataset.bags.messages import Payload, Record
 from garment_dataset.bags.rosbag1_check import contradictions
@@ -37,18 +36,6 @@ if TYPE_CHECKING:
 _REINDEX = "Run `rosbag reindex` on a copy of it."
 _MOST_INFLATED_BYTES = 256 * 2**20  # rosbag writes chunks of 0.75 MiB unless told otherwise
 
-# rosbags asserts what a damaged file may break, and lets the errors of what it calls through.
-_DAMAGE = (
-    ReaderError,
-    AssertionError,
-    ValueError,
-    LookupError,
-    ArithmeticError,
-    EOFError,
-    RuntimeError,
-    struct_error,
-)
-
 
 class Rosbag1(Bag):
     """A ROS 1 bag: uncompressed, lz4 or bz2.
@@ -64,7 +51,7 @@ class Rosbag1(Bag):
     def __init__(self, path: Path) -> None:
         super().__init__(path, [path])
         _check_magic(path)
-        try:
+        with reporting(path, "its index cannot be read", _REINDEX):
             self._content = _mapped(path)
             reader = Reader(path)
             reader.path = cast("RPath", _MappedPath(path))
@@ -72,10 +59,6 @@ class Rosbag1(Bag):
                 self._connections = {each.id: each for each in reader.connections}
                 self._index: Mapping[int, list[IndexData]] = dict(reader.indexes)
                 self._chunks: _Chunks | None = _Chunks(self._content, reader.chunks)
-        except (*_DAMAGE, MessageError) as error:
-            raise BagError("its index cannot be read", where=path, found=reason(error), hint=_REINDEX) from error
-        except OSError as error:
-            raise BagError("cannot be read", where=path, found=error.strerror or error) from error
         self.topics = summarise(self._connections.values())
 
     def _records(self, topics: Collection[str]) -> Iterator[Record]:
@@ -247,11 +230,8 @@ def _inflate(stored: _Stored) -> bytes:
 def _check_magic(path: Path) -> None:
     if path.suffix == ".active":
         raise BagError("recording was not finished", where=path, hint=_REINDEX)
-    try:
-        with path.open("rb") as file:
-            found = file.read(len(MAGIC))
-    except OSError as error:
-        raise BagError("cannot be opened", where=path, found=error.strerror) from error
+    with reporting(path, "cannot be opened", _REINDEX), path.open("rb") as file:
+        found = file.read(len(MAGIC))
     if not found:
         raise BagError("is empty", where=path, hint="Record or copy it again.")
     if found != MAGIC:

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 from rosbags.rosbag2 import Reader
 
-from garment_dataset.bags.bag import Bag, reason, summarise
+from garment_dataset.bags.bag import Bag, reporting, summarise
 from garment_dataset.bags.messages import Payload, Record
-from garment_dataset.bags.rosbag2_check import check_mcap, check_metadata, check_sqlite
+from garment_dataset.bags.rosbag2_check import check_lengths, check_mcap, check_metadata, check_sqlite
 from garment_dataset.errors import BagError, MessageError
 
 if TYPE_CHECKING:
@@ -39,28 +39,22 @@ class Rosbag2(Bag):
         super().__init__(path, files)
         if path.is_dir() and path / "metadata.yaml" not in files:
             raise BagError("is not a rosbag2 folder", where=path, expected="metadata.yaml in it", hint=_HINT)
-        try:
+        with reporting(path, "cannot be opened", _HINT):
+            for file in files:
+                if file.suffix == ".mcap":
+                    check_lengths(file)
             self._reader = Reader(path)
             self._reader.open()
             if path.is_dir():  # one file is read after the other; which is the first, their stamps say
                 storages: list[Any] = cast("Any", self._reader.storage).storages
                 storages.sort(key=lambda storage: storage.metadata.start_time)
             self.topics = summarise(self._reader.connections)
-        except Exception as error:  # rosbags lets through what sqlite, yaml, zstd and lz4 raise
-            raise BagError("cannot be opened", where=path, found=reason(error), hint=_HINT) from error
 
     def contradictions(self) -> list[str]:
         """Compare metadata and indexes with the storage, all of which is read; verify every checksum it has."""
         self._check_open()
-        try:
+        with reporting(self.path, "its storage is damaged", _HINT):
             return list(self._contradictions())
-        except MessageError as error:
-            hint = "Run `mcap recover` on a copy of it."
-            raise BagError("its storage is damaged", where=self.path, found=error, hint=hint) from error
-        except BagError:
-            raise
-        except Exception as error:
-            raise BagError("its storage is damaged", where=self.path, found=reason(error), hint=_HINT) from error
 
     def _contradictions(self) -> Iterator[str]:
         storage: Any = self._reader.storage
@@ -75,12 +69,10 @@ class Rosbag2(Bag):
         connections = [each for each in self._reader.connections if each.topic in topics]
         if not connections:  # to rosbags, none means all
             return
-        try:
+        with reporting(self.path, "cannot be read to its end", _HINT):
             for connection, stamp_ns, data in self._reader.messages(connections):
                 _check_types(stamp_ns, data)
                 yield Record(connection, stamp_ns, partial(Payload, memoryview(data), None))
-        except Exception as error:
-            raise BagError("cannot be read to its end", where=self.path, found=reason(error), hint=_HINT) from error
 
     def _release(self) -> None:
         self._reader.close()

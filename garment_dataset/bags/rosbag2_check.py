@@ -10,7 +10,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.bags.mcap_content import McapContent, read_mcap, topic_of
+from garment_dataset.bags.mcap_content import McapContent, read_mcap, records, topic_of
 from garment_dataset.errors import BagError
 
 if TYPE_CHECKING:
@@ -36,10 +36,16 @@ def check_sqlite(storage: Any) -> Iterator[str]:  # noqa: ANN401 - rosbags' read
     BagError
         If its structure is damaged: a page taken for another's would be pixels of another image.
     """
-    where = Path(storage.path).name
+    where, size_bytes = Path(storage.path).name, Path(storage.path).stat().st_size
+    hint = "Run `sqlite3 FILE .recover` on a copy of it."
+    (((page_bytes,),), ((pages,),)) = (
+        list(storage.dbconn.execute(f"PRAGMA page_{each}")) for each in ("size", "count")
+    )
+    if size_bytes != page_bytes * pages:  # SQLite fills a cut page up with zeros
+        expected, found = f"{pages} pages of {page_bytes} bytes", f"{size_bytes} bytes"
+        raise BagError("its database is cut", where=storage.path, expected=expected, found=found, hint=hint)
     ((found,), *_) = storage.dbconn.execute("PRAGMA integrity_check(1)")
     if found != "ok":
-        hint = "Run `sqlite3 FILE .recover` on a copy of it."
         raise BagError("its database is damaged", where=storage.path, found=found, hint=hint)
     kinds = "typeof(timestamp) != 'integer' OR typeof(data) != 'blob'"
     for condition, text in (
@@ -51,6 +57,12 @@ def check_sqlite(storage: Any) -> Iterator[str]:  # noqa: ANN401 - rosbags' read
             yield f"{where}: {count} messages {text}"
 
 
+def check_lengths(path: Path) -> None:
+    """Refuse an mcap file with a record that does not fit (MessageError): rosbags allocates whatever one claims."""
+    for _ in records(_mapped(path)):
+        pass
+
+
 def check_mcap(path: Path) -> Iterator[str]:
     """Yield where an mcap file's indexes and its chunks contradict each other.
 
@@ -59,10 +71,14 @@ def check_mcap(path: Path) -> Iterator[str]:
     MessageError
         If a record does not fit, or a checksum is wrong.
     """
-    with path.open("rb") as file:
-        content = read_mcap(memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ)))
+    content = read_mcap(_mapped(path))
     for text in (*_of_chunks(content), *_of_indexes(content), *_of_counts(content), *_of_descriptions(content)):
         yield f"{path.name}: {text}"
+
+
+def _mapped(path: Path) -> memoryview:
+    with path.open("rb") as file:
+        return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
 
 
 def _of_chunks(content: McapContent) -> Iterator[str]:

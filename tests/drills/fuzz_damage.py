@@ -17,6 +17,10 @@ if TYPE_CHECKING:
 NUMBERS = (0, 1, 2, 0x7FFFFFFF, 0x80000000, 0xFFFFFFFF, 0xFFFFFFF0)
 
 
+Spoiled = tuple[list[tuple[int, int]], str]
+"""Which bytes were touched, and how."""
+
+
 @dataclass
 class Damage:
     """Files as they are after it, a description, and whether only bytes were touched that nothing covers."""
@@ -32,8 +36,8 @@ def damage_bytes(sample: Sample, random: Random) -> Damage:
     content = bytearray(sample.files[name])
     texts, uncovered = [], False
     for _ in range(random.choice((1, 1, 1, 2, 3))):
-        start, stop, text = random.choice(_SPOILERS)(content, _place(sample, name, random), random)
-        uncovered |= not sample.covers(name, start, stop)
+        ranges, text = random.choice(_SPOILERS)(content, _place(sample, name, random), random)
+        uncovered |= any(not sample.covers(name, start, stop) for start, stop in ranges)
         texts.append(text)
     return Damage({**sample.files, name: bytes(content)}, f"{name}: {'; '.join(texts)}", uncovered)
 
@@ -47,55 +51,55 @@ def _place(sample: Sample, name: str, random: Random) -> int:
     return place
 
 
-def _flip(content: bytearray, place: int, random: Random) -> tuple[int, int, str]:
+def _flip(content: bytearray, place: int, random: Random) -> Spoiled:
     place = min(place, len(content) - 1)
     bit = random.randrange(8)
     content[place] ^= 1 << bit
-    return place, place + 1, f"bit {bit} of byte {place} flipped"
+    return [(place, place + 1)], f"bit {bit} of byte {place} flipped"
 
 
-def _fill(content: bytearray, place: int, random: Random) -> tuple[int, int, str]:
+def _fill(content: bytearray, place: int, random: Random) -> Spoiled:
     stop = min(len(content), place + random.choice((1, 2, 4, 8, 30, 200, 3000)))
     value = random.choice((0, 0, 255, 32))
     content[place:stop] = bytes([value]) * (stop - place)
-    return place, stop, f"bytes {place} to {stop} are {value}"
+    return [(place, stop)], f"bytes {place} to {stop} are {value}"
 
 
-def _number(content: bytearray, place: int, random: Random) -> tuple[int, int, str]:
+def _number(content: bytearray, place: int, random: Random) -> Spoiled:
     place = min(place, len(content) - 4)
     number = random.choice((*NUMBERS, random.randrange(2**32), random.randrange(300)))
     struct.pack_into("<I", content, place, number)
-    return place, place + 4, f"number {number} at byte {place}"
+    return [(place, place + 4)], f"number {number} at byte {place}"
 
 
-def _cut(content: bytearray, place: int, _: Random) -> tuple[int, int, str]:
+def _cut(content: bytearray, place: int, _: Random) -> Spoiled:
     end = len(content)
     del content[place:]
-    return place, end + 1, f"cut at byte {place}"
+    return [(place, end + 1)], f"cut at byte {place}"
 
 
-def _remove(content: bytearray, place: int, random: Random) -> tuple[int, int, str]:
+def _remove(content: bytearray, place: int, random: Random) -> Spoiled:
     end, size = len(content), random.choice((1, 4, 50, 1000))
     del content[place : place + size]
-    return place, end + 1, f"{size} bytes removed at byte {place}"
+    return [(place, end + 1)], f"{size} bytes removed at byte {place}"
 
 
-def _repeat(content: bytearray, place: int, random: Random) -> tuple[int, int, str]:
+def _repeat(content: bytearray, place: int, random: Random) -> Spoiled:
     end, size = len(content), random.choice((1, 4, 50, 1000))
     content[place:place] = content[place : place + size]
-    return place, end + 1, f"{size} bytes repeated at byte {place}"
+    return [(place, end + 1)], f"{size} bytes repeated at byte {place}"
 
 
-def _swap(content: bytearray, place: int, random: Random) -> tuple[int, int, str]:
+def _swap(content: bytearray, place: int, random: Random) -> Spoiled:
     size, other = random.choice((1, 12, 100)), random.randrange(len(content))
     first, second = sorted((place, other))
     size = max(0, min(size, second - first, len(content) - second))
     one, two = content[first : first + size], content[second : second + size]
     content[first : first + size], content[second : second + size] = two, one
-    return first, second + size, f"{size} bytes swapped at bytes {first} and {second}"
+    return [(first, first + size), (second, second + size)], f"{size} bytes swapped at bytes {first} and {second}"
 
 
-_SPOILERS: tuple[Callable[[bytearray, int, Random], tuple[int, int, str]], ...] = (
+_SPOILERS: tuple[Callable[[bytearray, int, Random], Spoiled], ...] = (
     *(_flip, _flip, _flip, _flip, _fill, _fill, _number, _number),
     *(_cut, _remove, _repeat, _swap),
 )
