@@ -195,6 +195,8 @@ class Bag(ABC):
     def _deserialise(self, record: Record) -> object:
         data, connection = record.read().data, record.connection
         store = _typestore(connection.msgtype, connection.msgdef)
+        if isinstance(store, str):
+            raise MessageError("its definition cannot be used", found=store)
         deserialise = store.deserialize_cdr if self._cdr else store.deserialize_ros1
         try:
             return deserialise(data, connection.msgtype)
@@ -207,8 +209,8 @@ class Bag(ABC):
 
 
 @lru_cache(maxsize=256)
-def _typestore(message_type: str, definition: MessageDefinition) -> Typestore:
-    """Return a store that knows ``message_type`` by this definition and no other.
+def _typestore(message_type: str, definition: MessageDefinition) -> Typestore | str:
+    """Return a store that knows ``message_type`` by this definition and no other, or why it cannot be used.
 
     Publishers of one topic may differ in their definitions, so each gets its own store; kept from bag to bag, because
     generating the code of one takes some 20 ms. Old rosbag2 storage has no definitions: the types of ROS 2 Humble, the
@@ -221,8 +223,8 @@ def _typestore(message_type: str, definition: MessageDefinition) -> Typestore:
         types = get_types_from_msg(definition.data, message_type)
         _check_definition(types)
         store.register(types)
-    except _UNREADABLE:
-        return get_typestore(Stores.EMPTY)  # each of its messages will be reported
+    except _UNREADABLE as error:
+        return reason(error)
     return store
 
 

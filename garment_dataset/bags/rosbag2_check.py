@@ -47,6 +47,9 @@ def check_sqlite(storage: Any) -> Iterator[str]:  # noqa: ANN401 - rosbags' read
     ((found,), *_) = storage.dbconn.execute("PRAGMA integrity_check(1)")
     if found != "ok":
         raise BagError("its database is damaged", where=storage.path, found=found, hint=hint)
+    log = Path(f"{storage.path}-wal")
+    if log.exists() and log.stat().st_size:
+        yield f"{where}: messages in {log.name} are left out. Opening it once with `sqlite3` on a copy takes them over"
     kinds = "typeof(timestamp) != 'integer' OR typeof(data) != 'blob'"
     for condition, text in (
         ("topic_id NOT IN (SELECT id FROM topics)", "belong to no topic and are left out"),
@@ -200,7 +203,8 @@ def _of_files(directory: Any, files: Sequence[str]) -> Iterator[str]:  # noqa: A
     names = [Path(each.path).name for each in directory.storages]
     if repeated := [name for name, count in Counter(names).items() if count > 1]:
         yield f"metadata.yaml lists a file more than once: {', '.join(repeated)}"
-    if unlisted := [name for name in files if not any(name.startswith(each) for each in names)]:
+    storage_files = [name for name in files if name.removesuffix(".zstd").endswith((".db3", ".mcap"))]
+    if unlisted := [name for name in storage_files if not any(name.startswith(each) for each in names)]:
         yield f"metadata.yaml does not list {', '.join(unlisted)}, which is left out"
     counts: Mapping[str, int] = {Path(each["path"]).name: each["message_count"] for each in directory.files}
     for storage in directory.storages:

@@ -193,7 +193,14 @@ def test_a_file_of_another_recording(storage: Callable[..., tuple[Path, Path]]) 
     (text,) = contradictions(folder)
     assert text.startswith("its messages begin +86400.000 s and end +86400.000 s off what metadata.yaml says")
     (folder / "some_1.db3").write_bytes(file.read_bytes())
+    (folder / "notes.txt").touch()
     assert "metadata.yaml does not list some_1.db3, which is left out" in contradictions(folder)
+
+
+def test_messages_that_a_killed_recorder_left_in_the_log(storage: Callable[..., tuple[Path, Path]]) -> None:
+    folder, file = storage("sqlite3")
+    file.with_name("some.db3-wal").write_bytes(b"log")
+    assert contradictions(folder)[0].startswith("some.db3: messages in some.db3-wal are left out")
 
 
 def test_a_damaged_database_is_refused(storage: Callable[..., tuple[Path, Path]]) -> None:

@@ -246,6 +246,21 @@ def test_each_publisher_is_read_by_its_own_definition(forge_bag: WriteBag) -> No
             assert not list(bag.messages("/b"))
 
 
+@pytest.mark.parametrize("damage", [("float64 x", "float64 w"), ("float64 x", "int64 x"), ("float64 x\n", "")])
+def test_a_definition_that_lost_a_field_of_the_common_one_is_not_used(
+    ros1: Any, forge_bag: WriteBag, damage: tuple[str, str]
+) -> None:
+    common, _ = ros1.store.generate_msgdef("geometry_msgs/msg/Point")
+    point = struct.pack("<3d", 1, 2, 3)
+    publishers = [("/a", "geometry_msgs/Point", text) for text in (common, f"{common}\nuint8[] more", "")]
+    publishers[2] = ("/b", "geometry_msgs/Point", common.replace(*damage))
+    messages = [(0, START_NS, point), (1, START_NS + 1, point + bytes(4)), (2, START_NS + 2, point)]
+    with open_bag(forge_bag(messages, publishers=tuple(publishers))) as bag:
+        assert [message.data.x for message in bag.messages("/a")] == [1, 1]
+        with pytest.warns(DataWarning, match="left out 1 of 1 .*definition of geometry_msgs/msg/Point lacks fields"):
+            assert not list(bag.messages("/b"))
+
+
 def test_an_index_may_point_to_the_connection_before_a_message(forge_bag: WriteBag) -> None:
     messages = [(0, START_NS + n, text(str(n))) for n in range(3)]
     with open_bag(forge_bag(messages, connection_first=True)) as bag:
