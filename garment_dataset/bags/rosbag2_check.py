@@ -10,7 +10,7 @@ from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.bags.mcap_content import McapContent, read_mcap, records, topic_of
+from garment_dataset.bags.mcap_content import Chunk, McapContent, read_mcap, records, topic_of
 from garment_dataset.errors import BagError
 
 if TYPE_CHECKING:
@@ -91,10 +91,13 @@ def _of_chunks(content: McapContent) -> Iterator[str]:
     if named and (unnamed := sorted(there.keys() - named.keys())):
         text = f"{len(unnamed)} of {len(there)} chunks are not in its summary and are left out"
         yield f"{text}, first that at byte {unnamed[0]}"
-    if wrong := sorted(place for place, each in named.items() if there.get(place) != each):
+    if stray := sorted(named.keys() - there.keys()):
+        yield f"its summary names {len(stray)} chunks that are not there, first at byte {stray[0]}"
+    if wrong := sorted(place for place in named.keys() & there.keys() if there[place] != named[place]):
+        first = zip(Chunk._fields, named[wrong[0]], there[wrong[0]], strict=True)
+        differing = ", ".join(f"{name} {said!r} for {found!r}" for name, said, found in first if said != found)
         text = f"its summary describes {len(wrong)} chunks otherwise than they are"
-        found = f"expected {named[wrong[0]]}, found {there.get(wrong[0])}"
-        yield f"{text}, first that at byte {wrong[0]}: {found}"
+        yield f"{text}, first that at byte {wrong[0]}: {differing}"
     outside = [
         (place, each)
         for place, chunk in sorted(there.items())

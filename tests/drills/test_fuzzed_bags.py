@@ -104,5 +104,5 @@ def test_no_damage_passes_for_data(recordings: dict[str, tuple[Sample, Outcome]]
 @pytest.mark.slow
 @pytest.mark.parametrize("kind", KINDS)
 def test_no_damage_passes_for_data_in_many_cases(recordings: dict[str, tuple[Sample, Outcome]], kind: str) -> None:
-    counts, wrong = fuzz(*recordings[kind], range(60, 1560))
+    counts, wrong = fuzz(*recordings[kind], range(60, 660))
     assert not wrong, f"{counts}\n" + "\n".join(wrong)
