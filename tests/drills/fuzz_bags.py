@@ -6,6 +6,7 @@ import struct
 import sys
 import zlib
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -35,8 +36,11 @@ DEPTH_FRAME, COLOR_FRAME = "xtion1_depth_optical_frame", "xtion1_rgb_optical_fra
 IMAGE, COMPRESSED, INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage", "sensor_msgs/msg/CameraInfo"
 JOINTS, POINT, TF = "sensor_msgs/msg/JointState", "geometry_msgs/msg/PointStamped", "tf2_msgs/msg/TFMessage"
 
-ROS1 = ("none", "png", "bz2", "lz4", "lz4 of rosbags")
+ROS1 = ("none", "png", "jpeg", "bz2", "lz4", "lz4 of rosbags")
 ROS2 = ("sqlite3", "mcap", "mcap with checksums", "mcap zstd", "mcap zstd with checksums")
+
+
+FORMS = ("png", "jpeg")
 
 
 @dataclass(frozen=True)
@@ -86,10 +90,10 @@ class Maker:
         size = (HEIGHT_PX, WIDTH_PX, encoding, 0, data.size // HEIGHT_PX)
         return self.pack(IMAGE, self.header(stamp_ns, frame), *size, data)
 
-    def png(self, stamp_ns: int, frame: str, pixels: NDArray[Any]) -> bytes:
-        file = cv2.imencode(".png", pixels if pixels.ndim == 2 else pixels[..., ::-1])[1].tobytes()
+    def file(self, stamp_ns: int, frame: str, pixels: NDArray[Any], color_form: str) -> bytes:
         depth = pixels.ndim == 2
-        form = "16UC1; compressedDepth png" if depth else "rgb8; png compressed bgr8"
+        file = cv2.imencode(".png" if depth else f".{color_form}", pixels if depth else pixels[..., ::-1])[1].tobytes()
+        form = "16UC1; compressedDepth png" if depth else f"rgb8; {color_form} compressed bgr8"
         data = (bytes(12) if depth else b"") + file
         return self.pack(COMPRESSED, self.header(stamp_ns, frame), form, np.frombuffer(data, np.uint8))
 
@@ -115,10 +119,10 @@ class Maker:
         return self.pack(TF, [self.make("geometry_msgs/msg/TransformStamped", header, DEPTH_FRAME, transform)])
 
 
-def messages(maker: Maker, *, compressed: bool) -> Iterator[Message]:
+def messages(maker: Maker, color_form: str | None) -> Iterator[Message]:
     """Yield topic, type, record stamp and bytes of every message, no two of them alike."""
-    image = maker.png if compressed else maker.image
-    kind, tails = (COMPRESSED, ("/compressedDepth", "/compressed")) if compressed else (IMAGE, ("", ""))
+    image = maker.image if color_form is None else partial(maker.file, color_form=color_form)
+    kind, tails = (IMAGE, ("", "")) if color_form is None else (COMPRESSED, ("/compressedDepth", "/compressed"))
     rows, columns = np.indices((HEIGHT_PX, WIDTH_PX))
     for frame in range(FRAMES):
         stamp_ns = START_NS + frame * PERIOD_NS
@@ -142,7 +146,7 @@ def make_sample(kind: str, folder: Path) -> Sample:
     """Write a recording of a kind of ``ROS1`` or ``ROS2`` and read its bytes."""
     ros = 1 if kind in ROS1 else 2
     maker = Maker(ros)
-    entries = list(messages(maker, compressed=kind == "png"))
+    entries = list(messages(maker, kind if kind in FORMS else None))
     path = folder / ("some.bag" if ros == 1 else "some")
     (write_ros1 if ros == 1 else write_ros2)(path, kind, maker, entries)
     paths = [path] if ros == 1 else sorted(path.iterdir())
@@ -156,7 +160,7 @@ def make_sample(kind: str, folder: Path) -> Sample:
 def write_ros1(path: Path, kind: str, maker: Maker, entries: list[Message]) -> None:
     writer = rosbag1.Writer(path)
     writer.chunk_threshold = 4000
-    if kind not in {"none", "png"}:
+    if kind not in {"none", *FORMS}:
         writer.set_compression(rosbag1.Writer.CompressionFormat[kind[:3].upper()])
     if kind == "lz4":  # as ROS's own recorder writes it
         writer.compressor = lambda data: bytes(lz4.frame.compress(data, content_checksum=True))
@@ -208,7 +212,7 @@ def uncovered_ranges(kind: str, data: bytes, entries: list[Message]) -> Iterator
         while position >= 0:
             yield position, position + struct.unpack_from(size, data, position - struct.calcsize(size))[0]
             position = data.find(magic, position + 1)
-    if kind in {"none", "png", "sqlite3", "mcap"}:
+    if kind in {"none", *FORMS, "sqlite3", "mcap"}:
         for *_, payload in entries:
             start = data.find(payload)
             if start >= 0:

@@ -304,7 +304,7 @@ def damage_database(sample: Sample, random: Random, folder: Path) -> Damage:
     path.write_bytes(sample.files[name])
     statement = random.choice(_STATEMENTS).format(row=random.randrange(1, 36), topic=random.randrange(1, 8))
     connection = sqlite3.connect(path)
-    connection.executescript(statement)
+    connection.executescript(f"PRAGMA synchronous = OFF; {statement}")
     connection.close()
     files = {**sample.files, name: path.read_bytes()}
     path.unlink()
