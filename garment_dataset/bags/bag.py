@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import errno
 import struct
 import warnings
 from abc import ABC, abstractmethod
+from contextlib import contextmanager
 from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
@@ -14,7 +16,7 @@ from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typest
 
 from garment_dataset.bags.headers import ImageHeader, read_image
 from garment_dataset.bags.messages import ImageMessage, Message, Record, Topic
-from garment_dataset.errors import BagError, DataWarning, MessageError
+from garment_dataset.errors import BagError, DataWarning, MessageError, SourceError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
@@ -23,12 +25,20 @@ if TYPE_CHECKING:
     from typing import Self
 
     from rosbags.interfaces import Connection
+    from rosbags.interfaces.typing import Typesdict
     from rosbags.typesys.store import Typestore
 
     from garment_dataset.bags.images import Kind
 
 # rosbags raises the first two on purpose; the others escape from its generated code and its assertions.
 _UNREADABLE = (SerdeError, TypesysError, AssertionError, ValueError, LookupError, ArithmeticError, struct.error)
+
+
+# Other numbers, such as that of a seek to a senseless place, and errors without one, come from the data
+_OF_THE_MACHINE = {
+    *(errno.EACCES, errno.EPERM, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE, errno.ENOSPC),
+    *(errno.ENODEV, errno.ENXIO, errno.ESTALE, errno.ETIMEDOUT),
+}
 
 
 class Bag(ABC):
@@ -59,6 +69,19 @@ class Bag(ABC):
     @abstractmethod
     def _records(self, topics: Collection[str]) -> Iterator[Record]:
         """Yield the messages on ``topics`` in order, not yet looked into."""
+
+    @abstractmethod
+    def contradictions(self) -> list[str]:
+        """Tell where the recording does not hold what it says of itself, in one line each; none of a sound one.
+
+        Messages are read as its index has them, so that such a line may stand for messages that are missing, or are
+        taken for others. Damage that shows in a single message is that message's fault and not repeated here.
+
+        Raises
+        ------
+        BagError
+            If the bag is closed, or (rosbag2 only) if its storage is damaged.
+        """
 
     @abstractmethod
     def _release(self) -> None:
@@ -172,6 +195,8 @@ class Bag(ABC):
     def _deserialise(self, record: Record) -> object:
         data, connection = record.read().data, record.connection
         store = _typestore(connection.msgtype, connection.msgdef)
+        if isinstance(store, str):
+            raise MessageError("its definition cannot be used", found=store)
         deserialise = store.deserialize_cdr if self._cdr else store.deserialize_ros1
         try:
             return deserialise(data, connection.msgtype)
@@ -184,8 +209,8 @@ class Bag(ABC):
 
 
 @lru_cache(maxsize=256)
-def _typestore(message_type: str, definition: MessageDefinition) -> Typestore:
-    """Return a store that knows ``message_type`` by this definition and no other.
+def _typestore(message_type: str, definition: MessageDefinition) -> Typestore | str:
+    """Return a store that knows ``message_type`` by this definition and no other, or why it cannot be used.
 
     Publishers of one topic may differ in their definitions, so each gets its own store; kept from bag to bag, because
     generating the code of one takes some 20 ms. Old rosbag2 storage has no definitions: the types of ROS 2 Humble, the
@@ -195,10 +220,30 @@ def _typestore(message_type: str, definition: MessageDefinition) -> Typestore:
         return get_typestore(Stores.ROS2_HUMBLE)
     store = get_typestore(Stores.EMPTY)
     try:
-        store.register(get_types_from_msg(definition.data, message_type))
-    except _UNREADABLE:
-        return get_typestore(Stores.EMPTY)  # each of its messages will be reported
+        types = get_types_from_msg(definition.data, message_type)
+        _check_definition(types)
+        store.register(types)
+    except _UNREADABLE as error:
+        return reason(error)
     return store
+
+
+def _check_definition(types: Typesdict) -> None:
+    """Refuse definitions of common types that lack a field, or have it as something else.
+
+    A damaged definition may well be readable: by it, another number would be read, or a field be missing where it is
+    used. Further fields are no damage.
+    """
+    for name, (_, fields) in types.items():
+        found = dict(fields)
+        known = [store.fielddefs[name][1] for store in _common_types() if name in store.fielddefs]
+        if known and not any(all(found.get(each) == kind for each, kind in common) for common in known):
+            raise TypesysError(f"The definition of {name} lacks fields of the common one.")
+
+
+@lru_cache(maxsize=1)
+def _common_types() -> tuple[Typestore, ...]:
+    return get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
 
 
 def summarise(connections: Iterable[Connection]) -> dict[str, Topic]:
@@ -215,6 +260,30 @@ def summarise(connections: Iterable[Connection]) -> dict[str, Topic]:
 def reason(error: BaseException) -> str:
     """Return what an exception says; failed assertions say nothing but their name."""
     return str(error) or type(error).__name__
+
+
+@contextmanager
+def reporting(path: Path, what: str, hint: str) -> Iterator[None]:
+    """Report whatever goes wrong with a recording in one line.
+
+    Raises
+    ------
+    SourceError
+        If the machine cannot read it: no permission, no memory, a failing disk. The recording may be sound.
+    BagError
+        If what was read cannot be understood.
+    """
+    try:
+        yield
+    except (BagError, SourceError):
+        raise
+    except Exception as error:  # rosbags lets through what its libraries raise, and asserts what damage breaks
+        for each in (error, error.__cause__):
+            if isinstance(each, MemoryError):
+                raise SourceError("cannot be read", where=path, found="not enough memory") from error
+            if isinstance(each, OSError) and each.errno in _OF_THE_MACHINE:
+                raise SourceError("cannot be read", where=path, found=each.strerror) from error
+        raise BagError(what, where=path, found=reason(error), hint=hint) from error
 
 
 def _shortened(texts: Sequence[str], most: int = 5) -> str:

@@ -14,10 +14,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from garment_dataset.bags.image_files import JPEG, PNG
 from garment_dataset.bags.images import (
     ENCODINGS,
-    JPEG,
-    PNG,
     DepthReading,
     Encoding,
     Kind,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 import cv2
 import numpy as np
 
+from garment_dataset.bags.image_files import MOST_PIXELS, PNG, check_file
 from garment_dataset.bags.rvl import decode_rvl
 from garment_dataset.errors import MessageError
 
@@ -23,16 +24,11 @@ if TYPE_CHECKING:
 
 Kind = Literal["depth", "color"]
 
-PNG = b"\x89PNG\r\n\x1a\n"
-JPEG = b"\xff\xd8\xff"
-"""How these files begin."""
-
 _PNG_SEARCH_BYTES = 64  # a ConfigHeader of 12 bytes, or none, or a longer one of another transport
 
 
 _NO_RETURN = np.iinfo(np.uint16).max  # some drivers write it instead of 0; as a distance it is beyond every sensor
 _RVL_HEADER = struct.Struct("<iffII")  # ConfigHeader, columns, rows
-_MOST_PIXELS = 2**26  # a larger image is damage, not to be allocated
 
 
 class DepthReading(NamedTuple):
@@ -236,8 +232,8 @@ def decode_rvl_depth(data: memoryview, reading: DepthReading, *, encoding: str) 
     if len(data) < _RVL_HEADER.size:
         raise MessageError("rvl header", expected=f"{_RVL_HEADER.size} bytes", found=f"{len(data)} bytes")
     _, a, b, width_px, height_px = _RVL_HEADER.unpack_from(data)
-    if not 0 < width_px * height_px <= _MOST_PIXELS:
-        raise MessageError("rvl size", expected=f"1 to {_MOST_PIXELS} pixels", found=f"{width_px} x {height_px}")
+    if not 0 < width_px * height_px <= MOST_PIXELS:
+        raise MessageError("rvl size", expected=f"1 to {MOST_PIXELS} pixels", found=f"{width_px} x {height_px}")
     image = decode_rvl(data[_RVL_HEADER.size :], width_px=width_px, height_px=height_px)
     return _decompressed(image, (a, b) if source_encoding(encoding) == "32FC1" else None, reading)
 
@@ -256,6 +252,7 @@ def _decompressed(
 
 
 def _decode_file(data: memoryview, flags: int) -> NDArray[Any]:
+    check_file(data)
     try:
         image = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:

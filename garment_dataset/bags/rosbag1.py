@@ -11,45 +11,30 @@ A mapped file must not shrink while it is read: the operating system kills a pro
 from __future__ import annotations
 
 import mmap
-import struct
 import tempfile
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, BinaryIO, cast
 
-from rosbags.rosbag1 import Reader, ReaderError
+from rosbags.rosbag1 import Reader
 
-from garment_dataset.bags.bag import Bag, reason, summarise
+from garment_dataset.bags.bag import Bag, reporting, summarise
+from garment_dataset.bags.inflation import inflate
 from garment_dataset.bags.messages import Payload, Record
+from garment_dataset.bags.rosbag1_check import contradictions
+from garment_dataset.bags.rosbag1_records import CONNECTION, MAGIC, MESSAGE, read_record
 from garment_dataset.errors import BagError, MessageError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Collection, Iterator, Mapping
+    from collections.abc import Collection, Iterator, Mapping
     from pathlib import Path
 
+    from rosbags.interfaces.typing import RPath
     from rosbags.rosbag1.reader import Chunk, IndexData
 
-_MAGIC = b"#ROSBAG V2.0\n"
 _REINDEX = "Run `rosbag reindex` on a copy of it."
 _MOST_INFLATED_BYTES = 256 * 2**20  # rosbag writes chunks of 0.75 MiB unless told otherwise
-_UINT32 = struct.Struct("<I")
-_TIME = struct.Struct("<II")
-_MESSAGE, _CONNECTION = b"\x02", b"\x07"
-
-# rosbags asserts what a damaged file may break, and lets the errors of what it calls through.
-_DAMAGE = (
-    ReaderError,
-    AssertionError,
-    ValueError,
-    LookupError,
-    ArithmeticError,
-    OSError,
-    EOFError,
-    MemoryError,
-    RuntimeError,
-    struct.error,
-)
 
 
 class Rosbag1(Bag):
@@ -66,13 +51,14 @@ class Rosbag1(Bag):
     def __init__(self, path: Path) -> None:
         super().__init__(path, [path])
         _check_magic(path)
-        try:
-            with Reader(path) as reader:
+        with reporting(path, "its index cannot be read", _REINDEX):
+            self._content = _mapped(path)
+            reader = Reader(path)
+            reader.path = cast("RPath", _MappedPath(path))
+            with reader:
                 self._connections = {each.id: each for each in reader.connections}
                 self._index: Mapping[int, list[IndexData]] = dict(reader.indexes)
-                self._chunks: _Chunks | None = _Chunks(path, reader.chunks)
-        except (*_DAMAGE, MessageError) as error:
-            raise BagError("its index cannot be read", where=path, found=reason(error), hint=_REINDEX) from error
+                self._chunks: _Chunks | None = _Chunks(self._content, reader.chunks)
         self.topics = summarise(self._connections.values())
 
     def _records(self, topics: Collection[str]) -> Iterator[Record]:
@@ -87,19 +73,32 @@ class Rosbag1(Bag):
             read = partial(self._read, connection_id, stamp_ns, chunk, offset)
             yield Record(self._connections[connection_id], stamp_ns, read)
 
-    def _read(self, connection_id: int, stamp_ns: int, chunk_position: int, offset: int) -> Payload:
+    def contradictions(self) -> list[str]:
+        """Compare the index with what the chunks hold; inflates those that are not inflated yet."""
+        self._check_open()
+        assert self._chunks is not None
+        return list(contradictions(self._content, self._index, self._chunks.places, self._chunks.content))
+
+    def _read(self, connection_id: int, time_ns: int, chunk_position: int, offset: int) -> Payload:
         self._check_open()
         assert self._chunks is not None
         chunk = self._chunks.open(chunk_position)
-        fields, data = _read_record(chunk.data, offset)
-        while fields.get(b"op") == _CONNECTION:  # stands before the first message of its publisher, and is indexed too
-            fields, data = _read_record(chunk.data, data.stop)
-        expected = (_MESSAGE, _UINT32.pack(connection_id), _TIME.pack(*divmod(stamp_ns, 10**9)))
-        found = tuple(fields.get(name) for name in (b"op", b"conn", b"time"))
-        if found != expected:
-            raise MessageError("record", expected=f"op, conn, time {expected}", found=found)
-        offset_bytes = None if chunk.offset_bytes is None else chunk.offset_bytes + data.start
-        return Payload(chunk.data[data], offset_bytes)
+        try:
+            record = read_record(chunk.data, offset)
+            while record.fields.get(b"op") == CONNECTION:  # before the first message of its publisher; indexed too
+                record = read_record(chunk.data, record.data.stop)
+            found = record.fields.get(b"op"), record.uint32(b"conn"), record.stamp_ns()
+        except MessageError as error:
+            raise MessageError(
+                f"record at byte {offset}", where=f"chunk at byte {chunk_position}", found=error
+            ) from error
+        if found != (expected := (MESSAGE, connection_id, time_ns)):
+            where = f"chunk at byte {chunk_position}"
+            raise MessageError(
+                f"record at byte {offset}", where=where, expected=f"op, conn, time {expected}", found=found
+            )
+        offset_bytes = None if chunk.offset_bytes is None else chunk.offset_bytes + record.data.start
+        return Payload(chunk.data[record.data], offset_bytes)
 
     def _release(self) -> None:
         if self._chunks is not None:
@@ -107,14 +106,34 @@ class Rosbag1(Bag):
         self._chunks = None
 
 
+class _MappedPath:
+    """What rosbags opens: a mapped file, which reads no more than is there, whatever length a record claims."""
+
+    def __init__(self, path: Path) -> None:
+        self._path = path
+
+    def open(self, _: str) -> BinaryIO:
+        with self._path.open("rb") as file:
+            return cast("BinaryIO", mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+
+
+def _mapped(path: Path) -> memoryview:
+    with path.open("rb") as file:
+        return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+
+
 @dataclass(frozen=True, slots=True)
 class _Stored:
     """A chunk as the file holds it."""
 
+    position: int
     payload: Payload
-    compressed: bool
+    compression: str
     inflated_bytes: int
-    inflate: Callable[[bytes], bytes]
+
+    @property
+    def compressed(self) -> bool:
+        return self.compression != "none"
 
     @property
     def inflatable(self) -> bool:
@@ -124,15 +143,22 @@ class _Stored:
 class _Chunks:
     """The chunks of a bag: views of the mapped file, or of a temporary one where they lie inflated."""
 
-    def __init__(self, path: Path, chunks: Mapping[int, Chunk]) -> None:
-        with path.open("rb") as file:
-            content = memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+    def __init__(self, content: memoryview, chunks: Mapping[int, Chunk]) -> None:
         self._stored = {position: _stored(content, position, chunk) for position, chunk in chunks.items()}
         self._inflated: dict[int, Payload | str] = {}  # the content, or why it is lost
         self._scratch: _Scratch | None = None
 
-    def open(self, position: int) -> Payload:
+    @property
+    def places(self) -> Collection[int]:
+        """Where the chunks begin in the file."""
+        return self._stored.keys()
+
+    def content(self, position: int) -> memoryview:
         """Return the plain content of the chunk at ``position``; MessageError if it is lost."""
+        return self.open(position).data
+
+    def open(self, position: int) -> Payload:
+        """Return the plain content of a chunk, and where it lies in the file; MessageError if it is lost."""
         stored = self._stored[position]
         if not stored.compressed:
             return stored.payload
@@ -184,58 +210,29 @@ class _Scratch:
 
 
 def _stored(content: memoryview, position: int, chunk: Chunk) -> _Stored:
-    fields, _ = _read_record(content, position)
+    record = read_record(content, position)
     payload = Payload(content[chunk.datapos : chunk.datapos + chunk.datasize], chunk.datapos)
-    (inflated_bytes,) = _UINT32.unpack(fields[b"size"])
-    return _Stored(payload, fields[b"compression"] != b"none", inflated_bytes, chunk.decompressor)
+    return _Stored(position, payload, record.fields[b"compression"].decode(), record.uint32(b"size"))
 
 
 def _inflate(stored: _Stored) -> bytes:
+    where, size_bytes = f"chunk at byte {stored.position}", stored.inflated_bytes
     if not stored.inflatable:
-        found = f"{stored.inflated_bytes} bytes"
-        raise MessageError("chunk too large to inflate", expected=f"at most {_MOST_INFLATED_BYTES} bytes", found=found)
+        expected = f"at most {_MOST_INFLATED_BYTES} bytes"
+        raise MessageError("too large to inflate", where=where, expected=expected, found=f"{size_bytes} bytes")
     try:
-        data = stored.inflate(bytes(stored.payload.data))
-    except _DAMAGE as error:
-        raise MessageError("chunk cannot be inflated", found=reason(error)) from error
-    if len(data) != stored.inflated_bytes:
-        expected = f"{stored.inflated_bytes} bytes"
-        raise MessageError("chunk inflates to another size", expected=expected, found=f"{len(data)} bytes")
-    return data
-
-
-def _read_record(content: memoryview, position: int) -> tuple[dict[bytes, bytes], slice]:
-    """Return the header fields of the record at ``position``, and where its data lie."""
-    fields: dict[bytes, bytes] = {}
-    start = position
-    try:
-        (size,) = _UINT32.unpack_from(content, start)
-        start += 4
-        end = start + size
-        while start < end:
-            (size,) = _UINT32.unpack_from(content, start)
-            name, _, value = bytes(content[start + 4 : start + 4 + size]).partition(b"=")
-            fields[name] = value
-            start += 4 + size
-        (size,) = _UINT32.unpack_from(content, end)
-    except struct.error as error:
-        found = f"a header beyond its {len(content)} bytes"
-        raise MessageError("record", where=f"byte {position} of the chunk", found=found) from error
-    if start != end or end + 4 + size > len(content):
-        found = f"{size} bytes of data, {len(content) - end - 4} left"
-        raise MessageError("record does not fit", where=f"byte {position} of the chunk", found=found)
-    return fields, slice(end + 4, end + 4 + size)
+        return inflate(stored.compression, stored.payload.data, size_bytes)
+    except MessageError as error:
+        parts = {"expected": error.expected, "found": error.found}
+        raise MessageError(error.what, where=where, **parts) from error
 
 
 def _check_magic(path: Path) -> None:
     if path.suffix == ".active":
         raise BagError("recording was not finished", where=path, hint=_REINDEX)
-    try:
-        with path.open("rb") as file:
-            found = file.read(len(_MAGIC))
-    except OSError as error:
-        raise BagError("cannot be opened", where=path, found=error.strerror) from error
+    with reporting(path, "cannot be opened", _REINDEX), path.open("rb") as file:
+        found = file.read(len(MAGIC))
     if not found:
         raise BagError("is empty", where=path, hint="Record or copy it again.")
-    if found != _MAGIC:
-        raise BagError("is not a ROS 1 bag", where=path, expected=_MAGIC, found=found)
+    if found != MAGIC:
+        raise BagError("is not a ROS 1 bag", where=path, expected=MAGIC, found=found)

@@ -7,13 +7,14 @@ message in the file is not known. Unlike in a ROS 1 bag, damaged storage ends th
 from __future__ import annotations
 
 from functools import partial
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 
 from rosbags.rosbag2 import Reader
 
-from garment_dataset.bags.bag import Bag, reason, summarise
+from garment_dataset.bags.bag import Bag, reporting, summarise
 from garment_dataset.bags.messages import Payload, Record
-from garment_dataset.errors import BagError
+from garment_dataset.bags.rosbag2_check import check_lengths, check_mcap, check_metadata, check_sqlite
+from garment_dataset.errors import BagError, MessageError
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator
@@ -38,23 +39,47 @@ class Rosbag2(Bag):
         super().__init__(path, files)
         if path.is_dir() and path / "metadata.yaml" not in files:
             raise BagError("is not a rosbag2 folder", where=path, expected="metadata.yaml in it", hint=_HINT)
-        try:
+        with reporting(path, "cannot be opened", _HINT):
+            for file in files:
+                if file.suffix == ".mcap":
+                    check_lengths(file)
             self._reader = Reader(path)
             self._reader.open()
-        except Exception as error:  # rosbags lets through what sqlite, yaml, zstd and lz4 raise
-            raise BagError("cannot be opened", where=path, found=reason(error), hint=_HINT) from error
-        self.topics = summarise(self._reader.connections)
+            if path.is_dir():  # one file is read after the other; which is the first, their stamps say
+                storages: list[Any] = cast("Any", self._reader.storage).storages
+                storages.sort(key=lambda storage: storage.metadata.start_time)
+            self.topics = summarise(self._reader.connections)
+
+    def contradictions(self) -> list[str]:
+        """Compare metadata and indexes with the storage, all of which is read; verify every checksum it has."""
+        self._check_open()
+        with reporting(self.path, "its storage is damaged", _HINT):
+            return list(self._contradictions())
+
+    def _contradictions(self) -> Iterator[str]:
+        storage: Any = self._reader.storage
+        storages = storage.storages if self.path.is_dir() else [storage]
+        for each in storages:
+            yield from check_sqlite(each) if hasattr(each, "dbconn") else check_mcap(each.path)
+        if self.path.is_dir():
+            yield from check_metadata(storage, [file.name for file in self._files if file.name != "metadata.yaml"])
 
     def _records(self, topics: Collection[str]) -> Iterator[Record]:
         self._check_open()
         connections = [each for each in self._reader.connections if each.topic in topics]
         if not connections:  # to rosbags, none means all
             return
-        try:
+        with reporting(self.path, "cannot be read to its end", _HINT):
             for connection, stamp_ns, data in self._reader.messages(connections):
+                _check_types(stamp_ns, data)
                 yield Record(connection, stamp_ns, partial(Payload, memoryview(data), None))
-        except Exception as error:
-            raise BagError("cannot be read to its end", where=self.path, found=reason(error), hint=_HINT) from error
 
     def _release(self) -> None:
         self._reader.close()
+
+
+def _check_types(stamp_ns: object, data: object) -> None:
+    """Refuse what a database may hold in these columns, whose types bind nobody."""
+    if not isinstance(stamp_ns, int) or not isinstance(data, bytes):
+        found = f"{type(stamp_ns).__name__} and {type(data).__name__}"
+        raise MessageError("stamp and data", expected="int and bytes", found=found)

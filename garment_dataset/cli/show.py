@@ -67,14 +67,14 @@ def _draw(place: Layout, row: CatalogRow, frame: int | None, save: Path | None) 
 def _topics(row: CatalogRow, expected: Sequence[str]) -> list[tuple[str, object]]:
     """Return the bag's own topics, and which of the topics file it lacks; only the latter where there is no bag."""
     from garment_dataset.bags import open_bag
-    from garment_dataset.errors import BagError
+    from garment_dataset.errors import BagError, SourceError
 
     if row.path is None:
         return _under("topics", [f"{name}  (expected)" for name in expected])
     try:
         with open_bag(row.path) as bag:
             found = dict(bag.topics)
-    except BagError as error:
+    except (BagError, SourceError) as error:
         return [("topics", f"cannot be read: {error}")]
     texts = [f"{topic.name}  {topic.count} x {', '.join(topic.types)}" for topic in found.values()]
     return _under("topics", texts + [f"{name}  not in the bag" for name in expected if name not in found])

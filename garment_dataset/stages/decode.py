@@ -155,12 +155,14 @@ def decode(bag: Path, params: DecodeParams) -> dict[str, pa.Table]:
     Warns
     -----
     DataWarning
-        For all that is missing or left out.
+        For all that is missing or left out, and where the bag does not hold what its index says.
     """
     from garment_dataset.bags import open_bag
     from garment_dataset.bags.recorded_transforms import RecordedTransforms
 
     with open_bag(bag) as opened:
+        for text in opened.contradictions():
+            warnings.warn(f"{bag.name}: {text}", DataWarning, stacklevel=2)
         topics = _image_topics(opened, params)
         streams = {
             name: [_frame_row(name, topic, image) for image in opened.images(topic, name)]

@@ -245,9 +245,9 @@ def test_a_jpeg_comes_back_nearly_and_is_never_turned() -> None:
 @pytest.mark.parametrize("cut", [0, 20, 100, -1])
 def test_a_truncated_file_cannot_be_decoded(cut: int) -> None:
     noise = np.random.default_rng(1).integers(0, 2**16, (16, 16), np.uint16)
-    with pytest.raises(MessageError, match="cannot be decoded"):
+    with pytest.raises(MessageError, match=r"cannot be decoded|png is cut"):
         decode_compressed_depth(memoryview(png(noise)[:cut]), AS_SAID, encoding="16UC1; compressedDepth")
-    with pytest.raises(MessageError, match="cannot be decoded"):
+    with pytest.raises(MessageError, match=r"cannot be decoded|png is cut"):
         decode_compressed_color(memoryview(png(noise)[:cut]), encoding="png")
 
 

@@ -246,6 +246,21 @@ def test_each_publisher_is_read_by_its_own_definition(forge_bag: WriteBag) -> No
             assert not list(bag.messages("/b"))
 
 
+@pytest.mark.parametrize("damage", [("float64 x", "float64 w"), ("float64 x", "int64 x"), ("float64 x\n", "")])
+def test_a_definition_that_lost_a_field_of_the_common_one_is_not_used(
+    ros1: Any, forge_bag: WriteBag, damage: tuple[str, str]
+) -> None:
+    common, _ = ros1.store.generate_msgdef("geometry_msgs/msg/Point")
+    point = struct.pack("<3d", 1, 2, 3)
+    publishers = [("/a", "geometry_msgs/Point", text) for text in (common, f"{common}\nuint8[] more", "")]
+    publishers[2] = ("/b", "geometry_msgs/Point", common.replace(*damage))
+    messages = [(0, START_NS, point), (1, START_NS + 1, point + bytes(4)), (2, START_NS + 2, point)]
+    with open_bag(forge_bag(messages, publishers=tuple(publishers))) as bag:
+        assert [message.data.x for message in bag.messages("/a")] == [1, 1]
+        with pytest.warns(DataWarning, match="left out 1 of 1 .*definition of geometry_msgs/msg/Point lacks fields"):
+            assert not list(bag.messages("/b"))
+
+
 def test_an_index_may_point_to_the_connection_before_a_message(forge_bag: WriteBag) -> None:
     messages = [(0, START_NS + n, text(str(n))) for n in range(3)]
     with open_bag(forge_bag(messages, connection_first=True)) as bag:
@@ -255,11 +270,11 @@ def test_an_index_may_point_to_the_connection_before_a_message(forge_bag: WriteB
 @pytest.mark.parametrize(
     ("forgery", "fault"),
     [
-        ({"message_op": b"\x05"}, r"record: expected op, conn, time \(b'\\x02', .* found \(b'\\x05'"),
-        ({"message_connection": 3}, r"record: expected op, conn, time"),
-        ({"message_stamp_ns": START_NS + 10**9}, r"record: expected op, conn, time"),
-        ({"offset_shift": 10**6}, r"byte 1000000 of the chunk: record: found a header beyond its \d+ bytes"),
-        ({"offset_shift": 2}, r"byte 2 of the chunk: record"),
+        ({"message_op": b"\x05"}, r"record at byte 0: expected op, conn, time \(b'\\x02', .* found \(b'\\x05'"),
+        ({"message_connection": 3}, r"record at byte 0: expected op, conn, time"),
+        ({"message_stamp_ns": START_NS + 10**9}, r"record at byte 0: expected op, conn, time"),
+        ({"offset_shift": 10**6}, r"record at byte 1000000: found .* record does not fit: found -\d+ bytes left"),
+        ({"offset_shift": 2}, r"record at byte 2: found byte 2: record does not fit: found \d+ bytes of header"),
     ],
 )
 def test_an_index_that_misleads_costs_the_messages_it_misleads_to(
@@ -288,11 +303,12 @@ def test_a_lost_chunk_costs_only_its_own_messages(ros1: Any, write_bag: WriteBag
         found = list(bag.images("/depth", "depth"))
         assert [message.fault is None for message in found] == [True, False, True]
         assert found[1].fault is not None
-        assert found[1].fault.startswith("chunk cannot be inflated: found ")
+        assert found[1].fault.startswith("chunk at byte ")
+        assert ": cannot be inflated: found " in found[1].fault
         assert np.all(found[2].pixels() == 2)
 
 
-@pytest.mark.parametrize(("claim", "fault"), [(2**31, "chunk too large to inflate"), (5, "inflates to another size")])
+@pytest.mark.parametrize(("claim", "fault"), [(2**31, "too large to inflate"), (5, "inflates to another size")])
 def test_a_chunk_that_lies_about_its_size_is_lost(ros1: Any, write_bag: WriteBag, claim: int, fault: str) -> None:
     path = write_bag([("/depth", IMAGE, START_NS, depth_message(ros1, 1))], "lz4")
     content = path.read_bytes()

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pytest
+from ruamel.yaml import YAML
 
 from garment_dataset.bags import Topic, open_bag
 from garment_dataset.errors import BagError, DataWarning
@@ -30,10 +31,11 @@ def depth_message(ros2: Any, number: int, **change: Any) -> bytes:
     return message
 
 
-def entries(ros2: Any) -> list[tuple[str, str, int, bytes]]:
-    images = [("/depth", IMAGE, START_NS + 2 * n, depth_message(ros2, n)) for n in range(4)]
-    images[1] = ("/depth", IMAGE, START_NS + 2, depth_message(ros2, 1, encoding="8UC7"))
-    return [*images, ("/tf", TF, START_NS + 1, ros2.transforms("a")), ("/tf", TF, START_NS + 3, ros2.transforms("b"))]
+def entries(ros2: Any, first: int = 0) -> list[tuple[str, str, int, bytes]]:
+    start_ns = START_NS + first
+    images = [("/depth", IMAGE, start_ns + 2 * n, depth_message(ros2, n)) for n in range(4)]
+    images[1] = ("/depth", IMAGE, start_ns + 2, depth_message(ros2, 1, encoding="8UC7"))
+    return [*images, ("/tf", TF, start_ns + 1, ros2.transforms("a")), ("/tf", TF, start_ns + 3, ros2.transforms("b"))]
 
 
 def check(path: Path) -> None:
@@ -67,6 +69,28 @@ def test_a_folder_gives_what_was_recorded(ros2: Any, write_rosbag2: WriteBag, st
 def test_a_storage_file_of_a_folder_gives_the_same(ros2: Any, write_rosbag2: WriteBag, storage: str) -> None:
     (path,) = write_rosbag2(entries(ros2), storage).glob(f"*{SUFFIX[storage]}")
     check(path)
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_files_of_a_split_recording_are_read_in_the_order_of_their_stamps(
+    ros2: Any, write_rosbag2: WriteBag, storage: str
+) -> None:
+    folder, later = (write_rosbag2(entries(ros2, first), storage) for first in (0, 10))
+    (one,), (two,) = (each.glob(f"*{SUFFIX[storage]}") for each in (folder, later))
+    second = two.rename(folder / f"some_1{SUFFIX[storage]}")
+    yaml = YAML(typ="safe")
+    said = yaml.load((folder / "metadata.yaml").read_text("utf-8"))["rosbag2_bagfile_information"]
+    said["relative_file_paths"] = [second.name, one.name]
+    said["message_count"] *= 2
+    for topic in said["topics_with_message_count"]:
+        topic["message_count"] *= 2
+    said["files"] = [{**said["files"][0], "path": name} for name in said["relative_file_paths"]]
+    with (folder / "metadata.yaml").open("w", encoding="utf-8") as file:
+        yaml.dump({"rosbag2_bagfile_information": said}, file)
+    with open_bag(folder) as bag:
+        stamps = [message.record_stamp_ns - START_NS for message in bag.images("/depth", "depth")]
+        assert stamps == [0, 2, 4, 6, 10, 12, 14, 16]
+        assert bag.contradictions() == []
 
 
 @pytest.mark.parametrize("storage", STORAGES)
