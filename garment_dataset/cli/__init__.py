@@ -7,7 +7,7 @@ import warnings
 
 import typer
 
-from garment_dataset.cli import build, catalog, diff, mask, new, score, show, simulate, status, workspace
+from garment_dataset.cli import build, catalog, diff, doctor, mask, new, score, show, simulate, status, workspace
 from garment_dataset.cli.output import say, show_warning
 from garment_dataset.errors import GarmentError
 
@@ -28,6 +28,7 @@ app.command("status")(status.status)
 app.command("why")(status.why)
 app.command("dag")(status.dag)
 app.command("diff")(diff.diff)
+app.command("doctor")(doctor.doctor)
 app.command("mask")(mask.mask)
 app.command("simulate")(simulate.simulate)
 app.command("score")(score.score)
