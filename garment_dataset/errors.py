@@ -5,6 +5,9 @@ The form of their messages, and the errors of the engine itself, are in :mod:`ga
 
 from __future__ import annotations
 
+import difflib
+from typing import TYPE_CHECKING
+
 from garment_dataset.engine.errors import (
     DataWarning,
     LockedError,
@@ -16,6 +19,9 @@ from garment_dataset.engine.errors import (
     UntraceableCodeError,
 )
 from garment_dataset.engine.errors import ReportedError as GarmentError
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
 
 __all__ = [
     "BagError",
@@ -38,6 +44,9 @@ __all__ = [
     "UntraceableCodeError",
     "UsageError",
     "WorkspaceError",
+    "did_you_mean",
+    "nearest_word",
+    "one_of",
 ]
 
 
@@ -83,3 +92,30 @@ class PictureError(GarmentError):
 
 class MissingExtraError(GarmentError):
     """A command whose optional dependencies are not installed."""
+
+
+_MAX_NAMED = 24
+"""How many words a message names: all garments of a catalog, but not all of its recordings."""
+
+
+def nearest_word(word: str, known: Iterable[str], cutoff: float = 0.6) -> str | None:
+    """Return the known word that looks most like one that is not, whatever its case; None when none does."""
+    folded: dict[str, str] = {}
+    for each in known:
+        folded.setdefault(each.casefold(), each)
+    found = difflib.get_close_matches(word.casefold(), list(folded), n=1, cutoff=cutoff)
+    return folded[found[0]] if found else None
+
+
+def did_you_mean(word: str, known: Iterable[str], prefix: str = "") -> str | None:
+    """Return the hint that names the nearest known word, behind a prefix; None when none looks like it."""
+    nearest = nearest_word(word, known)
+    return None if nearest is None else f"Did you mean {prefix}{nearest}?"
+
+
+def one_of(known: Iterable[str]) -> str:
+    """Say in a message what is allowed; of very many words only how many there are."""
+    words = list(known)
+    if not words:
+        return "nothing: there is none"
+    return f"one of {', '.join(words)}" if len(words) <= _MAX_NAMED else f"one of the {len(words)} that there are"

@@ -6,15 +6,17 @@ are told where.
 
 from __future__ import annotations
 
+import re
+import reprlib
 import shutil
 import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from garment_dataset.errors import WorkspaceError
+from garment_dataset.errors import WorkspaceError, did_you_mean, one_of
 
 if TYPE_CHECKING:
     from typing import Self
@@ -203,19 +205,58 @@ def read_toml(path: Path) -> dict[str, Any]:
     return tomllib.loads(path.read_text("utf-8-sig"))
 
 
+class Fault(NamedTuple):
+    """The first thing wrong with what a file says: which entry, what it may be, what it is, and what may be meant."""
+
+    entry: str
+    expected: str
+    found: str | None
+    hint: str | None
+
+
+def first_fault(error: ValidationError, model: type[BaseModel]) -> Fault:
+    """Return what is wrong with a file's entries; a name that is not known comes before one that is missing.
+
+    Parameters
+    ----------
+    error : ValidationError
+        Of the model, which has at least one error.
+    model : type of BaseModel
+        What the file was read as.
+    """
+    faults = error.errors(include_url=False)
+    fault = next((each for each in faults if each["type"] == "extra_forbidden"), faults[0])
+    entry, kind = ".".join(str(part) for part in fault["loc"]), fault["type"]
+    last, found = str(fault["loc"][-1]) if fault["loc"] else "", reprlib.repr(fault.get("input"))
+    if kind == "extra_forbidden":
+        known = _fields_at(model, fault["loc"][:-1])
+        return Fault(entry, one_of(known), repr(last), did_you_mean(last, known))
+    if kind == "literal_error":
+        known = re.findall(r"'([^']*)'", fault["ctx"]["expected"])
+        return Fault(entry, one_of(known), found, did_you_mean(str(fault["input"]), known))
+    return Fault(entry, fault["msg"], None if kind == "missing" else found, None)
+
+
+def _fields_at(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:
+    """Return the names that a table of a file may have."""
+    for part in path:
+        field = model.model_fields.get(str(part))
+        inner = None if field is None else field.annotation
+        if not isinstance(inner, type) or not issubclass(inner, BaseModel):
+            return []
+        model = inner
+    return list(model.model_fields)
+
+
 def _read_settings(path: Path) -> _Settings:
     if not path.is_file():
         return _Settings()
     try:
         return _Settings.model_validate(read_toml(path))
     except ValidationError as error:
-        first = error.errors()[0]
-        setting = ".".join(str(part) for part in first["loc"])
+        entry, expected, found, hint = first_fault(error, _Settings)
         raise WorkspaceError(
-            f"setting {setting!r} is not understood",
-            where=path,
-            expected=f"[paths] with {', '.join(_Paths.model_fields)}; [stages] with {', '.join(_Stages.model_fields)}",
-            found=first["msg"],
+            f"setting {entry!r} is not understood", where=path, expected=expected, found=found, hint=hint
         ) from error
     except (OSError, ValueError) as error:
         raise WorkspaceError("not TOML", where=path, found=error) from error

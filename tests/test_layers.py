@@ -27,8 +27,9 @@ MAY_IMPORT: dict[str, set[str]] = {
     "score": {"arrays", "errors", "features", "layout", "vision"},
     "view": {"bags", "catalog", "errors", "features", "layout"},
     "simulate": {"catalog", "engine", "errors"},
+    "doctor": {"catalog", "engine", "layout"},
     "cli": {
-        *("bags", "catalog", "engine", "errors", "features", "layout", "score", "simulate", "stages", "view"),
+        *("bags", "catalog", "doctor", "engine", "errors", "features", "layout", "score", "simulate", "stages", "view"),
         "vision",
         "workspace",
     },

@@ -3,18 +3,28 @@
 from __future__ import annotations
 
 import dataclasses
-import difflib
+import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar
 
-from garment_dataset.catalog.filters import compile_filter, terms_of
+from garment_dataset.catalog.filters import compile_filter, parse_term, terms_of
 from garment_dataset.catalog.folder import FolderScan, scan
+from garment_dataset.catalog.hints import idle_globs, why_nothing
 from garment_dataset.catalog.names import BackgroundName, RecordingName, parse_bag_name
-from garment_dataset.catalog.rows import LABELS, ROW_KEYS, ROW_UNITS, UNSPECIFIED, CatalogRow, join_rows, to_frame
+from garment_dataset.catalog.rows import (
+    LABELS,
+    ROW_KEYS,
+    ROW_UNITS,
+    UNSPECIFIED,
+    CatalogRow,
+    join_rows,
+    to_frame,
+    words_of,
+)
 from garment_dataset.catalog.tables import Background, Garment, Holding, Recording, Tables, read_tables
-from garment_dataset.errors import CatalogError
+from garment_dataset.errors import CatalogError, DataWarning, FilterError, nearest_word
 from garment_dataset.layout import nearest_catalog
 
 if TYPE_CHECKING:
@@ -22,7 +32,7 @@ if TYPE_CHECKING:
 
     import pandas as pd
 
-    from garment_dataset.catalog.filters import Kind
+    from garment_dataset.catalog.filters import Kind, Predicate
 
 __all__ = [
     "ROW_KEYS",
@@ -111,6 +121,7 @@ class Catalog:
     """
 
     filter_keys: ClassVar[Mapping[str, Kind]] = ROW_KEYS
+    units: ClassVar[Mapping[str, str]] = ROW_UNITS
 
     folder: Path
     tables: Tables
@@ -187,6 +198,11 @@ class Catalog:
     def _by_name(self) -> Mapping[str, CatalogRow]:
         return {row.recording: row for row in self.rows}
 
+    @cached_property
+    def words(self) -> Mapping[str, tuple[str, ...]]:
+        """Of every key that is text, all words that there are."""
+        return words_of(self.tables, self.rows)
+
     def row(self, recording: str) -> CatalogRow:
         """Return one recording, by its name in any form that is read.
 
@@ -199,21 +215,47 @@ class Catalog:
         """
         name = str(parse_bag_name(recording))
         if (row := self._by_name.get(name)) is None:
-            nearest = difflib.get_close_matches(name, list(self._by_name), n=1, cutoff=0.8)
-            hint = f"Did you mean {nearest[0]}?" if nearest else "`garment list` shows what there is."
+            nearest = nearest_word(name, self._by_name, cutoff=0.8)
+            hint = f"Did you mean {nearest}?" if nearest else "`garment list` shows what there is."
             raise CatalogError("no such recording", expected="one in the tables or the folder", found=name, hint=hint)
         return row
 
-    def select(self, terms: Iterable[str] = ()) -> tuple[CatalogRow, ...]:
-        """Return the rows that a filter wants (see :mod:`garment_dataset.catalog.filters`).
+    def matching(self, terms: Iterable[str]) -> Predicate:
+        """Return the predicate of a filter (:mod:`garment_dataset.catalog.filters`) whose words this catalog knows.
 
         Raises
         ------
         FilterError
-            If a term cannot be understood.
+            If a term cannot be understood, or names what is not in the catalog; the hint gives the nearest that is.
         """
-        wanted = compile_filter(terms, ROW_KEYS)
-        return tuple(row for row in self.rows if wanted(row))
+        terms = list(terms)
+        wanted = compile_filter(terms, ROW_KEYS, self.words)
+        if self.found is None:
+            for term in (parse_term(text, ROW_KEYS) for text in terms):
+                if term.key == "state" and any(term.values):
+                    hint = "`catalog.with_folder(FOLDER)` looks at one, `Workspace.find().catalog()` at its own."
+                    raise FilterError("no folder of recordings was looked at", where=term.text, hint=hint)
+        return wanted
+
+    def select(self, terms: Iterable[str] = ()) -> tuple[CatalogRow, ...]:
+        """Return the rows that a filter wants: see :meth:`matching` for what it may say.
+
+        Warns
+        -----
+        DataWarning
+            For each glob that nothing looks like, where other terms find something.
+        """
+        terms = list(terms)
+        wanted = self.matching(terms)
+        rows = tuple(row for row in self.rows if wanted(row))
+        for text in idle_globs(terms, ROW_KEYS, self.words) if rows else ():
+            warnings.warn(text, DataWarning, stacklevel=2)
+        return rows
+
+    def why_nothing(self, terms: Iterable[str]) -> str | None:
+        """Say why a filter finds nothing: the name nearest to a glob, and the bounds of a number that is compared."""
+        records = [row.record() for row in self.rows]
+        return "; ".join(why_nothing(list(terms), records, ROW_KEYS, self.words, ROW_UNITS)) or None
 
     def query(self, *terms: str, **filters: object) -> pd.DataFrame:
         """Return the rows that a filter wants as a DataFrame with typed columns.
@@ -235,7 +277,7 @@ class Catalog:
         Raises
         ------
         FilterError
-            If a term cannot be understood.
+            See :meth:`matching`.
         """
         return to_frame(self.select([*terms, *terms_of(filters)]), self.rows)
 

@@ -9,23 +9,29 @@ A filter is a list of terms:
 Terms of different keys must all hold; of several terms on one key, or several globs, one suffices. A text value may be
 a glob (``garment=*Shirt``); numbers compare as numbers (``speed=0.5`` finds 0.50, and ``pi16`` or ``pi/16`` is one);
 ``yes``, ``no``, ``true`` and ``false`` are the flags; an empty value stands for a missing one (``repeat=``).
+
+Where the words of a key are known, a value that is no glob must be one of them: a typing error is told apart from an
+answer that is empty.
 """
 
 from __future__ import annotations
 
-import difflib
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from fnmatch import translate
+from typing import NamedTuple
 
 from garment_dataset.catalog.names import parse_bag_name
-from garment_dataset.errors import FilterError, RecordingNameError
+from garment_dataset.errors import FilterError, RecordingNameError, did_you_mean, nearest_word, one_of
 
 Kind = type[str | float | bool]
 Keys = Mapping[str, Kind]
 """What may be asked for: the name of each value, and whether it is text, a number or a flag."""
+
+Words = Mapping[str, Collection[str]]
+"""All words that the values of a key can be, where they are known."""
 
 Predicate = Callable[[object], bool]
 """Whether a record (a mapping, or an object with attributes) is wanted."""
@@ -45,7 +51,16 @@ _PI = re.compile(r"pi/?(?P<divisor>[1-9][0-9]{0,2})")
 _FLAGS = {"yes": True, "true": True, "no": False, "false": False}
 
 
-def compile_filter(terms: Iterable[str], keys: Keys) -> Predicate:
+class Term(NamedTuple):
+    """One term: a key, how values are compared with it, and the values; the text is as typed."""
+
+    text: str
+    key: str
+    sign: str
+    values: tuple[str, ...]
+
+
+def compile_filter(terms: Iterable[str], keys: Keys, words: Words | None = None) -> Predicate:
     """Make one predicate of all terms; no term at all wants everything.
 
     Parameters
@@ -54,19 +69,23 @@ def compile_filter(terms: Iterable[str], keys: Keys) -> Predicate:
         As typed after a verb.
     keys : mapping of str to {str, float, bool}
         The values that a record has, and of which type.
+    words : mapping of str to collection of str, optional
+        Of keys that are text, all words that there are; of keys that are not in it, any word may be asked for.
 
     Raises
     ------
     FilterError
-        If a term names no key, or its value is no number or flag where one is needed.
+        If a term names no key, or its value is no number, flag or known word where one is needed.
     """
     wanted: dict[str, list[Predicate]] = {}
     refused: list[tuple[str, Predicate]] = []
     compared: list[tuple[str, Predicate]] = []
-    for term in terms:
-        key, sign, values = _split(term, keys)
+    for text in terms:
+        term = parse_term(text, keys)
+        _refuse_unknown(term, keys, words or {})
+        _, key, sign, values = term
         if sign in _COMPARISONS:
-            compared.append((key, _comparison(term, key, sign, values, keys[key])))
+            compared.append((key, _comparison(term, keys)))
             continue
         tests = [_test(key, value, keys[key]) for value in values]
         if sign == "=":
@@ -111,17 +130,60 @@ def _written(value: object) -> list[str]:
     return ["" if value is None or str(value) in {"nan", "<NA>"} else str(value)]  # as numpy and pandas say missing
 
 
-def _split(term: str, keys: Keys) -> tuple[str, str, list[str]]:
-    if (found := _TERM.fullmatch(term)) is None:
-        return NAME_KEY, "=", [_name_pattern(term)]
-    key, values = found["key"].strip(), [value.strip() for value in found["values"].split(",")]
+def parse_term(text: str, keys: Keys) -> Term:
+    """Take a term apart.
+
+    Raises
+    ------
+    FilterError
+        If it is empty, or names no key.
+    """
+    if (found := _TERM.fullmatch(text)) is None:
+        return Term(text, NAME_KEY, "=", (_name_pattern(text),))
+    key, values = found["key"].strip(), tuple(value.strip() for value in found["values"].split(","))
     if key not in keys:
-        nearest = difflib.get_close_matches(key, list(keys), n=1)
-        hint = f"Did you mean {nearest[0]}{found['operator']}{found['values']}?" if nearest else None
-        raise FilterError("no such key", where=term, expected=", ".join(keys), found=repr(key), hint=hint)
+        nearest = nearest_word(key, keys)
+        # a number's value is not repeated: 100 may be meant in g, and the key be in kg
+        rest = "" if nearest is None or keys[nearest] is float else f"{found['operator']}{found['values']}"
+        hint = None if nearest is None else f"Did you mean {nearest}{rest}?"
+        raise FilterError("no such key", where=text, expected=", ".join(keys), found=repr(key), hint=hint)
     if key == NAME_KEY:
-        values = [_name_pattern(value) for value in values]
-    return key, found["operator"], values
+        values = tuple(_name_pattern(value) for value in values)
+    return Term(text, key, found["operator"], values)
+
+
+def is_glob(value: str) -> bool:
+    """Say whether a value stands for all that look like it."""
+    return any(letter in value for letter in "*?[")
+
+
+def _refuse_unknown(term: Term, keys: Keys, words: Words) -> None:
+    """Refuse a word that is not among the known ones of its key."""
+    if (known := words.get(term.key)) is None or keys[term.key] is not str or term.sign in _COMPARISONS:
+        return
+    for value in term.values:
+        if value and not is_glob(value) and value not in known:
+            raise FilterError(
+                f"no such {term.key}",
+                where=term.text,
+                expected=one_of(known),
+                found=repr(value),
+                hint=_what_is_meant(term, value, keys, words),
+            )
+
+
+def _what_is_meant(term: Term, value: str, keys: Keys, words: Words) -> str | None:
+    """Return the hint for an unknown word; a word alone may be one of another key."""
+    if term.key == NAME_KEY:
+        if keys.get(value) is float:
+            return f"{value} is a key: write '{value}>0.1' in quotes, for the shell takes < and > for itself."
+        if value in keys:
+            return f"{value} is a key: write {value}=VALUE."
+        for key, known in words.items():
+            if key != NAME_KEY and value in known:
+                return f"Did you mean {key}={value}?"
+    prefix = "" if term.text == value else f"{term.key}{term.sign}"
+    return did_you_mean(value, words[term.key], prefix)
 
 
 def _name_pattern(text: str) -> str:
@@ -149,13 +211,15 @@ def _test(key: str, value: str, kind: type[str | float | bool]) -> Predicate:
     return lambda found: isinstance(found, str) and pattern.match(found) is not None
 
 
-def _comparison(term: str, key: str, sign: str, values: Sequence[str], kind: Kind) -> Predicate:
+def _comparison(term: Term, keys: Keys) -> Predicate:
     """Return the test of ``key<number`` and the like: what is not known is neither less nor more."""
-    if kind is not float or len(values) != 1:
-        raise FilterError(
-            f"{sign} compares numbers", where=term, expected=f"key{sign}number, of a key that is a number"
-        )
-    compare, bound = _COMPARISONS[sign], _number(key, values[0])
+    if keys[term.key] is not float:
+        numbers = one_of(key for key, kind in keys.items() if kind is float)
+        what = f"{term.sign} compares numbers, and {term.key} is none"
+        raise FilterError(what, where=term.text, expected=numbers)
+    if len(term.values) != 1:
+        raise FilterError(f"{term.sign} compares with one number", where=term.text, expected="one number")
+    compare, bound = _COMPARISONS[term.sign], _number(term.key, term.values[0])
     return lambda found: isinstance(found, int | float) and not isinstance(found, bool) and compare(found, bound)
 
 

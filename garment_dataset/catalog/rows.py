@@ -42,6 +42,8 @@ ROW_KEYS: dict[str, Kind] = {
 ROW_UNITS = {"swing_rad": "rad", "speed": "1", "width_m": "m", "height_m": "m", "weight_kg": "kg"}
 """Units of the quantities of a row."""
 
+FIXED_WORDS: dict[str, tuple[str, ...]] = {"axis": ("R", "B"), "state": ("present", "missing", "unexpected")}
+"""All words that there can be of some keys, whatever the tables say."""
 
 LABELS = ("recording", "axis", "speed", "repeat", "swing_rad")
 """The values of a row that say whose a result is."""
@@ -133,11 +135,11 @@ _DTYPES: dict[Kind, str] = {str: "string", float: "Int64", bool: "boolean"}
 _CATEGORIES: dict[str, list[str]] = {
     "garment": [],
     "holding": [],
-    "axis": ["R", "B"],
+    "axis": list(FIXED_WORDS["axis"]),
     "table": [],
     "garment_kind": [],
     "color": [],
-    "state": ["present", "missing", "unexpected"],
+    "state": list(FIXED_WORDS["state"]),
 }
 """Columns of few words; where the words are not given, those of the whole catalog."""
 
@@ -212,6 +214,19 @@ def to_frame(rows: Sequence[CatalogRow], all_rows: Iterable[CatalogRow]) -> pd.D
     table["path"] = pd.Series([None if row.path is None else str(row.path) for row in rows], dtype="string")
     table.attrs["units"] = dict(ROW_UNITS)
     return table
+
+
+def words_of(tables: Tables, rows: Iterable[CatalogRow]) -> dict[str, tuple[str, ...]]:
+    """Return, of every key that is text, all words that there are: in the tables, of the rows, or fixed ones."""
+    listed: dict[str, list[str | None]] = {
+        "garment": [row.garment for row in tables.garments],
+        "holding": [row.holding for row in tables.holdings],
+        "garment_kind": [row.kind for row in tables.garments],
+        "color": [row.color for row in tables.garments],
+    }
+    keys = [key for key, kind in ROW_KEYS.items() if kind is str and key not in FIXED_WORDS]
+    found = {key: [*listed.get(key, ()), *(getattr(row, key) for row in rows)] for key in keys}
+    return FIXED_WORDS | {key: tuple(dict.fromkeys(filter(None, words))) for key, words in found.items()}
 
 
 def _recording_name(text: str) -> RecordingName:

@@ -23,7 +23,7 @@ from pydantic import (
 )
 
 from garment_dataset.catalog.names import RecordingName, parse_bag_name
-from garment_dataset.errors import CatalogError, RecordingNameError
+from garment_dataset.errors import CatalogError, RecordingNameError, did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -267,8 +267,8 @@ def _lines(path: Path, model: type[Row], problems: list[TableProblem]) -> Iterat
         reader = csv.reader(io.StringIO(path.read_text("utf-8-sig"), newline=""), strict=True)
         header = next(reader, [])
         if (complaint := _header_complaint(header, model)) is not None:
-            found = repr(",".join(header))
-            problems.append(TableProblem(path, complaint, columns, found, path.name, 1))
+            found, hint = repr(",".join(header)), _header_hint(header, model)
+            problems.append(TableProblem(path, complaint, columns, found, path.name, 1, hint=hint))
             return
         for cells in reader:
             if not any(cell.strip() for cell in cells):
@@ -293,6 +293,13 @@ def _header_complaint(header: list[str], model: type[Row]) -> str | None:
     if missing := [name for name, field in fields.items() if field.is_required() and name not in header]:
         return f"no column {missing[0]!r}"
     return "column given twice" if len(set(header)) < len(header) else None
+
+
+def _header_hint(header: list[str], model: type[Row]) -> str | None:
+    """Return which column that is not there an unknown one may stand for."""
+    missing = [name for name in model.model_fields if name not in header]
+    hints = (did_you_mean(name, missing) for name in header if name not in model.model_fields)
+    return next(filter(None, hints), None)
 
 
 def _row(

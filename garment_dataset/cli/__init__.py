@@ -11,6 +11,7 @@ from garment_dataset.cli import (
     build,
     catalog,
     diff,
+    doctor,
     history,
     mask,
     new,
@@ -45,6 +46,7 @@ app.command("gc")(storage.gc)
 app.command("accept")(history.accept)
 app.command("log")(history.log)
 app.command("diff")(diff.diff)
+app.command("doctor")(doctor.doctor)
 app.command("mask")(mask.mask)
 app.command("simulate")(simulate.simulate)
 app.command("score")(score.score)

@@ -40,15 +40,13 @@ def list_(
     as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV: every column, SI units.")] = False,
 ) -> None:
     """List the recordings of the tables and of the folder, and say which are present, missing or unexpected."""
-    from garment_dataset.catalog.filters import compile_filter
     from garment_dataset.features.quality import QUALITY_KEYS, RecordingQuality, read_quality
 
     place = _workspace(workspace)
     catalog = place.catalog()
     known = read_quality(place.features_dir)
-    wanted = compile_filter(filters or (), {**catalog.filter_keys, **QUALITY_KEYS})
     found = [(row, known.get(row.recording, RecordingQuality())) for row in catalog.rows]
-    shown = [(row, quality) for row, quality in found if wanted({**row.record(), **quality.record()})]
+    shown = _wanted(catalog, found, filters or ())
     if as_json:
         print_json([{**row.record(), **quality.record(), "why": quality.why} for row, quality in shown])
     elif as_csv:
@@ -59,6 +57,25 @@ def list_(
         columns += ["quality", "coverage"] if known else []
         print_table(columns, [_listed(row) + (_judged(quality) if known else []) for row, quality in shown])
     _say_counts(catalog, [row for row, _ in shown])
+
+
+def _wanted(
+    catalog: Catalog, found: Sequence[tuple[CatalogRow, RecordingQuality]], filters: Sequence[str]
+) -> list[tuple[CatalogRow, RecordingQuality]]:
+    """Return what the filters want, and say what in them finds nothing."""
+    from garment_dataset.catalog.filters import compile_filter
+    from garment_dataset.catalog.hints import idle_globs, why_nothing
+    from garment_dataset.features.quality import QUALITY_KEYS, QUALITY_UNITS, QUALITY_WORDS
+
+    keys: dict[str, Kind] = {**catalog.filter_keys, **QUALITY_KEYS}
+    words = {**catalog.words, **QUALITY_WORDS}
+    wanted = compile_filter(filters, keys, words)
+    records = [{**row.record(), **quality.record()} for row, quality in found]
+    shown = [pair for pair, record in zip(found, records, strict=True) if wanted(record)]
+    units = {**catalog.units, **QUALITY_UNITS}
+    for text in idle_globs(filters, keys, words) if shown else why_nothing(filters, records, keys, words, units):
+        say(text)
+    return shown
 
 
 def lint_(
@@ -74,19 +91,29 @@ def lint_(
     """Compare names, tables and folder; exit with 1 when anything disagrees."""
     from garment_dataset.catalog import Catalog
     from garment_dataset.catalog.filters import compile_filter
-    from garment_dataset.catalog.lint import lint
+    from garment_dataset.catalog.hints import idle_globs
+    from garment_dataset.catalog.lint import SEVERITIES, lint
 
     place = _workspace(workspace)
-    wanted = compile_filter(filters or (), FINDING_KEYS)
     catalog = Catalog.load(place.catalog_dir, strict=False).with_folder(place.recordings_dir)
-    findings = [finding for finding in lint(catalog) if wanted(_filterable(finding))]
+    everything = lint(catalog)
+    words = {
+        "recording": _names(catalog, everything),
+        "code": tuple(SEVERITIES),
+        "severity": tuple(dict.fromkeys(SEVERITIES.values())),
+    }
+    wanted = compile_filter(filters or (), FINDING_KEYS, words)
+    findings = [finding for finding in everything if wanted(_filterable(finding))]
+    for text in idle_globs(filters or (), FINDING_KEYS, words):
+        say(text)
     counts = Counter(finding.code for finding in findings)
     if as_json:
         print_json({"counts": counts, "findings": [dataclasses.asdict(finding) for finding in findings]})
     else:
         for line in _report(catalog, findings):
             print(line.replace(f"{place.root}/", ""))
-        print(", ".join(f"{count} {code}" for code, count in counts.items()) or "names, tables and folder agree")
+        agreed = f"no such finding among {len(everything)}" if everything else "names, tables and folder agree"
+        print(", ".join(f"{count} {code}" for code, count in counts.items()) or agreed)
     if findings:
         raise typer.Exit(1)
 
@@ -121,12 +148,19 @@ def _say_counts(catalog: Catalog, rows: Sequence[CatalogRow]) -> None:
         say(f"{refused} more in {catalog.found.folder} with a wrong name or unfinished: see `garment lint`")
 
 
-def _filterable(finding: Finding) -> dict[str, object]:
+def _filterable(finding: Finding) -> dict[str, str]:
     return {
         "recording": finding.subject.removesuffix(".bag"),
         "code": finding.code,
         "severity": finding.severity,
     }
+
+
+def _names(catalog: Catalog, findings: Sequence[Finding]) -> tuple[str, ...]:
+    """Return all that there might be a finding of: recordings, empty scenes, and the files of findings."""
+    bags = () if catalog.found is None else catalog.found.bags
+    names = [*catalog.words["recording"], *(str(bag.name) for bag in bags)]
+    return tuple(dict.fromkeys([*names, *(_filterable(finding)["recording"] for finding in findings)]))
 
 
 def _report(catalog: Catalog, findings: Sequence[Finding]) -> Iterator[str]:

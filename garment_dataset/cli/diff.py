@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -11,7 +10,7 @@ import typer
 
 from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, print_json, print_table, say
 from garment_dataset.cli.status import open_session, results_text, say_partial
-from garment_dataset.errors import FilterError, StoreError, UsageError
+from garment_dataset.errors import FilterError, StoreError, UsageError, did_you_mean, one_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -63,12 +62,12 @@ def _unnamed(session: Session, variant: str) -> str:
     features_dir = session.layout.features_dir
     known = sorted({*(pipeline.file.variant for pipeline in session.pipelines), *variants_of(features_dir)} - {""})
     if variant not in known:
-        nearest = difflib.get_close_matches(variant, known, n=1)
+        known = [DEFAULT_VARIANT, *known]
         raise UsageError(
             f"no variant {variant!r}",
             where=session.layout.root,
-            expected=f"one of {', '.join([DEFAULT_VARIANT, *known])}",
-            hint=f"Did you mean {nearest[0]}?" if nearest else "A pipeline file with `variant` makes one.",
+            expected=one_of(known),
+            hint=did_you_mean(variant, known) or "A pipeline file with `variant` makes one.",
         )
     return variant
 
@@ -79,12 +78,8 @@ def _specs(
     """Return what each variant's stages say of their tables; of one that no pipeline makes there, what another says."""
     known = {output.name: output for stage in session.stages for output in stage.outputs}
     if unknown := [name for name in tables if name not in known]:
-        nearest = difflib.get_close_matches(unknown[0], known, n=1)
-        raise UsageError(
-            f"no table {unknown[0]!r}",
-            expected=f"one of {', '.join(known)}",
-            hint=f"Did you mean {nearest[0]}?" if nearest else None,
-        )
+        hint = did_you_mean(unknown[0], known)
+        raise UsageError(f"no table {unknown[0]!r}", expected=one_of(known), hint=hint)
     own_a, own_b = (
         {
             output.name: output

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from garment_dataset.cli.output import JsonOption, WorkspaceOption, print_json, say
+from garment_dataset.cli.show import refuse_picture
 from garment_dataset.errors import GarmentError, PictureError, StoreError
 
 if TYPE_CHECKING:
@@ -38,6 +39,8 @@ def mask(
     from garment_dataset.vision.color.masks import polygon_mask
     from garment_dataset.vision.color.polygons import polygon_of
 
+    if save is not None:
+        refuse_picture(save)
     place = Layout.find(workspace)
     number, model = _background(place, position)
     polygon = polygon_of(_region(model, drawn))
@@ -89,7 +92,7 @@ def _background(place: Layout, position: int | None) -> tuple[int, Background]:
     number = position if position is not None else next(iter(built), None)
     if number not in built or (position is None and len(built) > 1):
         raise StoreError(
-            "no background built" if position is None and not built else "which camera position?",
+            "which camera position?" if built else "no background built",
             where=folder,
             expected=f"--position with one of {sorted(built)}" if built else "position_1.parquet or the like",
             found=position,

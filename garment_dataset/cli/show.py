@@ -58,10 +58,23 @@ def _draw(place: Layout, row: CatalogRow, frame: int | None, save: Path | None) 
 
     if frame is None or save is None:
         raise UsageError("a picture needs a frame and a file", expected="--frame N --save FILE.png")
-    if save.suffix not in _PICTURES:
-        raise UsageError("not a kind of picture", where=save, expected=" ".join(_PICTURES), found=repr(save.suffix))
+    refuse_picture(save)
     save_frame(place, row, frame, save)
     say(f"wrote {save}")
+
+
+def refuse_picture(path: Path) -> None:
+    """Refuse a file that no picture can be written to, before there is one.
+
+    Raises
+    ------
+    UsageError
+        If it is of another kind, or its folder is not there.
+    """
+    if path.suffix not in _PICTURES:
+        raise UsageError("not a kind of picture", where=path, expected=" ".join(_PICTURES), found=repr(path.suffix))
+    if not path.parent.is_dir():
+        raise UsageError("no folder for a picture", where=path, expected="one that is there", found=path.parent)
 
 
 def _topics(row: CatalogRow, expected: Sequence[str]) -> list[tuple[str, object]]:
@@ -87,13 +100,13 @@ def _under(label: str, texts: Sequence[object]) -> list[tuple[str, object]]:
 def _results(place: Layout, row: CatalogRow) -> list[tuple[str, object]]:
     """Return what the results say of the recording, stage by stage, if it was built; or why it failed."""
     from garment_dataset.engine.store import Store
-    from garment_dataset.features.reading import load_features
+    from garment_dataset.features.reading import load_features, result_files
 
     store = Store(place.private_dir, place.features_dir)
     failures = [failure for failure in store.index.failures().values() if failure.subject == row.recording]
     store.close()
     facts: list[tuple[str, object]] = [(failure.stage, f"failed: {failure.message}") for failure in failures]
-    if not (place.features_dir / "quality").is_dir():
+    if all(path.stem != row.recording for path in result_files(place.features_dir, "quality")):
         return facts
     for _, stage in load_features("quality", folder=place.features_dir, recording=row.recording).iterrows():
         texts = [f"{stage['verdict']}: {_described(stage)}", *stage["why"], *stage["notes"]]

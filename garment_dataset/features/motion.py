@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
-from garment_dataset.errors import StoreError
+from garment_dataset.errors import FilterError, StoreError, UsageError, did_you_mean, one_of
 from garment_dataset.features.reading import load_features
 
 if TYPE_CHECKING:
@@ -151,6 +151,11 @@ class Motion:
             Unit of the quantity squared; rows and columns as of ``quantity[:, 1:, axis].ravel()``, NaN where there is
             no standard uncertainty.
 
+        Raises
+        ------
+        UsageError
+            If there is no such quantity or axis.
+
         Notes
         -----
         Between point p in frame i and point q in frame j: :math:`\sigma_{ip} \sigma_{jq} c_{pq}
@@ -159,6 +164,12 @@ class Motion:
         """
         import numpy as np
 
+        if quantity not in self.correlations:
+            hint = did_you_mean(quantity, self.correlations)
+            expected = one_of(self.correlations)
+            raise UsageError("no such quantity", expected=expected, found=repr(quantity), hint=hint)
+        if axis not in {0, 1, 2}:
+            raise UsageError("no such axis", expected="0, 1 or 2 for x, y or z", found=repr(axis))
         std: FloatArray = getattr(self, {"velocity": "velocity_std_m_s"}.get(quantity, f"{quantity}_std_m"))
         found = self.correlations[quantity]
         share, rho = found.standing_share[1:, axis], found.moving_lag1[1:, axis].mean()
@@ -191,12 +202,15 @@ def load_motion(recording: str, folder: Path | None = None, variant: str = "") -
     StoreError
         If there are no such results.
     """
-    whole, errors, rows = (
-        load_features(table, folder=folder, variant=variant, recording=recording)
-        for table in ("motion", "correlations", "kinematics")
-    )
-    if not len(whole):
-        raise StoreError(f"no motion of {recording}", where=folder, hint="`garment build` makes it.")
+    try:
+        whole, errors, rows = (
+            load_features(table, folder=folder, variant=variant, recording=recording)
+            for table in ("motion", "correlations", "kinematics")
+        )
+    except FilterError as error:
+        raise StoreError(
+            f"no {error.where} of {recording}", where=folder, expected=error.expected, hint=error.hint
+        ) from error
     gripper = load_features("gripper", folder=folder, variant=variant, recording=recording, stream="depth")
     rows = rows[rows["time_reason"] != "stamp"].sort_values(["stamp_ns", "point"])
     count = int(whole["point_count"].iloc[0]) + 1

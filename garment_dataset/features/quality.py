@@ -14,7 +14,14 @@ if TYPE_CHECKING:
 QUALITY_KEYS: Mapping[str, type[str | float]] = {"quality": str, "coverage": float, "bridged": float, "noise_m": float}
 """What recordings can be filtered by once they were built."""
 
+QUALITY_UNITS: Mapping[str, str] = {"coverage": "1", "bridged": "1", "noise_m": "m"}
+"""Units of those that are quantities."""
+
 _ORDER = ("ok", "look", "unusable")
+
+QUALITY_WORDS: Mapping[str, Sequence[str]] = {"quality": _ORDER}
+"""All words of those that are text."""
+
 _VALUES = ("depth_points", "silhouette")
 
 

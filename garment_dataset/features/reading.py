@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-import difflib
 import json
 import reprlib
 import warnings
 from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.errors import DataWarning, FilterError, StoreError
+from garment_dataset.errors import DataWarning, FilterError, StoreError, did_you_mean, nearest_word, one_of
 from garment_dataset.layout import ORPHANS
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
     from pathlib import Path
 
     import pandas as pd
@@ -22,6 +21,10 @@ if TYPE_CHECKING:
 
 PARTITIONS = ("garment", "holding")
 _VARIANT = "variant="
+_NAMES = frozenset({"recording", "garment", "holding", "group"})
+"""Columns whose words name something: what is asked for by name should be there."""
+_FIXED_WORDS = {"axis": ("R", "B"), "stream": ("color", "depth"), "verdict": ("look", "ok", "unusable")}
+"""Columns of few words, which are all known whether or not there are rows with them."""
 
 
 def variants_of(folder: Path) -> list[str]:
@@ -40,12 +43,11 @@ def variant_folder(folder: Path, variant: str) -> Path:
     if not variant:
         return folder
     if variant not in (known := variants_of(folder)):
-        nearest = difflib.get_close_matches(variant, known, n=1)
         raise StoreError(
             f"no variant {variant!r}",
             where=folder,
-            expected=f"one of {known}" if known else "none: there is only the usual one",
-            hint=f"Did you mean {nearest[0]!r}?" if nearest else "`garment build` makes those that pipelines name.",
+            expected=one_of(known) if known else "none: there is only the usual one, without a name",
+            hint=did_you_mean(variant, known) or "`garment build` makes those that pipelines name.",
         )
     return folder / f"{_VARIANT}{variant}"
 
@@ -129,8 +131,8 @@ def open_features(table: str, *, folder: Path | None = None, variant: str = "") 
         raise StoreError(
             f"no files of table {table!r}",
             where=root,
-            expected=f"one of {built}" if built else "some results",
-            hint="`garment build` makes them.",
+            expected=one_of(built) if built else "some results",
+            hint=did_you_mean(table, built) or "`garment build` makes them.",
         )
     keys = [name for name in PARTITIONS if f"/{name}=" in files[0].removeprefix(str(root / table))]
     schema = _full_schema(files[0], keys)
@@ -164,19 +166,24 @@ def load_features(
     StoreError
         If nothing was built for this table, or there is no such variant.
     FilterError
-        If a filter names no column, or its values are of another type than the column.
+        If a filter names no column, its values are of another type than the column, or it finds nothing and names what
+        is not there: a recording, a garment, a word that the column cannot have; of several, none is there.
     """
     import pyarrow.dataset as ds
 
     dataset = open_features(table, folder=folder, variant=variant)
-    condition = None
+    condition, asked = None, {}
     for name, wanted in filters.items():
         if name not in dataset.schema.names:
-            raise FilterError(f"{name!r} is no column", where=table, expected=f"one of {dataset.schema.names}")
-        values = _wanted_values(wanted, dataset.schema.field(name), table)
+            names = dataset.schema.names
+            hint = did_you_mean(name, names)
+            raise FilterError(f"{name!r} is no column", where=table, expected=one_of(names), hint=hint)
+        values = asked[name] = _wanted_values(wanted, dataset.schema.field(name), table)
         term = ds.field(name).isin(values)
         condition = term if condition is None else condition & term
     found = dataset.to_table(filter=condition)
+    if not found.num_rows:
+        _refuse_unknown_words(dataset, asked, table)
     frame = _to_frame(found)
     frame.attrs["units"] = {field.name: unit for field in found.schema if (unit := _metadata(field, b"unit"))}
     frame.attrs["descriptions"] = {
@@ -209,6 +216,33 @@ def _wanted_values(wanted: Any, field: pa.Field[Any], table: str) -> pa.Array[An
     return array
 
 
+def _refuse_unknown_words(dataset: ds.Dataset, asked: Mapping[str, pa.Array[Any]], table: str) -> None:
+    """Refuse a filter that finds nothing because no row can have its word, or because it names what is not there.
+
+    Of a column that is neither, a word is only refused that looks much like one which is there: there may be no row
+    with the verdict "look", but "unsable" is a typing error.
+    """
+    import pyarrow.compute as pc
+
+    for name, values in asked.items():
+        words = [value for value in values.to_pylist() if isinstance(value, str)]
+        if not words or len(words) < len(values):  # nothing is asked for, or what is not known as well
+            continue
+        known: list[Any] = pc.unique(dataset.to_table([name])[name]).drop_null().to_pylist()
+        if set(words) & {*_FIXED_WORDS.get(name, ()), *known}:
+            continue
+        known = sorted({*_FIXED_WORDS.get(name, ()), *known})
+        is_name = name in _FIXED_WORDS or name in _NAMES
+        if is_name or nearest_word(words[0], known, cutoff=0.8) is not None:
+            raise FilterError(
+                f"no such {name}",
+                where=table,
+                expected=one_of(known),
+                found=reprlib.repr(words[0] if len(words) == 1 else words),
+                hint=did_you_mean(words[0], known) or "`garment list` shows what there is, `garment build` makes more.",
+            )
+
+
 def _is_changed(value: object, wanted: pa.DataType) -> bool:
     import pyarrow as pa
 
@@ -227,10 +261,13 @@ def result_params(table: str, recording: str, *, folder: Path | None = None, var
     """
     from garment_dataset.engine.artifacts import read_provenance
 
-    root = variant_folder(_features_folder(folder), variant) / table
-    if (path := next(root.glob(f"**/{recording}.parquet"), None)) is None:
-        raise StoreError(f"no {table!r} of {recording}", where=root, hint="`garment build` makes it.")
-    params: dict[str, Any] = read_provenance(path)["facts"]["params"]
+    root = variant_folder(_features_folder(folder), variant)
+    files = {path.stem: path for path in result_files(root, table)}
+    if recording not in files:
+        nearest = did_you_mean(recording, files) if files else did_you_mean(table, tables_in(root))
+        hint = nearest or "`garment build` makes it."
+        raise StoreError(f"no {table!r} of {recording}", where=root / table, hint=hint)
+    params: dict[str, Any] = read_provenance(files[recording])["facts"]["params"]
     return params
 
 

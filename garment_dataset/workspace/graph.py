@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
-from garment_dataset.catalog.filters import compile_filter
-from garment_dataset.catalog.rows import ROW_KEYS
 from garment_dataset.engine.graph import Graph, Node, NodeId
 from garment_dataset.engine.table import Label
-from garment_dataset.errors import PipelineError, StageError
+from garment_dataset.errors import FilterError, PipelineError, StageError
 from garment_dataset.stages import Group, Stage
 from garment_dataset.stages.stage import ABOUT
 from garment_dataset.workspace.groups import groups_of
@@ -19,6 +17,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from garment_dataset.catalog import BackgroundSource, Catalog, CatalogRow
+    from garment_dataset.catalog.filters import Predicate
     from garment_dataset.engine.stage import StageParams
     from garment_dataset.workspace.groups import RecordingGroup
     from garment_dataset.workspace.pipelines import Pipeline
@@ -50,22 +49,22 @@ def draw_graph(catalog: Catalog, pipelines: Sequence[Pipeline], rows: Iterable[C
     Raises
     ------
     PipelineError
-        If two pipelines of one variant ask for one stage of one recording with different parameters, for one group
-        with different recordings, or by different stages for one table.
+        If a pipeline's recordings name what is not in the catalog, or two pipelines of one variant ask for one stage
+        of one recording with different parameters, for one group with different recordings, or by different stages
+        for one table.
     StageError
         If a stage's groups cannot be made, or it would take frames of a garment for the empty scene.
     """
     drawing = _Drawing(catalog)
     selected = list(rows)
-    for pipeline in pipelines:
-        matches = compile_filter(pipeline.file.recordings, ROW_KEYS)
+    wanted = [(pipeline, _matching(catalog, pipeline)) for pipeline in pipelines]
+    for pipeline, matches in wanted:
         for row in filter(matches, selected):
             for stage in pipeline.stages:
                 if not isinstance(stage.per, Group):
                     drawing.add(stage, row, pipeline)
     names = {row.recording for row in selected}
-    for pipeline in pipelines:
-        matches = compile_filter(pipeline.file.recordings, ROW_KEYS)
+    for pipeline, matches in wanted:
         members = [row for row in catalog.rows if row.path is not None and matches(row)]
         for stage in pipeline.stages:
             if isinstance(stage.per, Group):
@@ -74,6 +73,20 @@ def draw_graph(catalog: Catalog, pipelines: Sequence[Pipeline], rows: Iterable[C
                         continue
                     drawing.add_group(stage, group, pipeline, is_whole=names.issuperset(group.recordings))
     return Drawn(Graph(drawing.nodes.values()), tuple(drawing.partial))
+
+
+def _matching(catalog: Catalog, pipeline: Pipeline) -> Predicate:
+    """Return which recordings a pipeline is for; a word that the catalog does not know would leave them all out."""
+    try:
+        return catalog.matching(pipeline.file.recordings)
+    except FilterError as error:
+        raise PipelineError(
+            error.what,
+            where=f"{pipeline.name}.toml, recordings: {error.where}",
+            expected=error.expected,
+            found=error.found,
+            hint=error.hint,
+        ) from error
 
 
 class _Drawing:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from garment_dataset.catalog.rows import ROW_KEYS, UNSPECIFIED
-from garment_dataset.errors import StageError
+from garment_dataset.errors import StageError, did_you_mean
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -64,7 +64,10 @@ def groups_of(rows: Iterable[CatalogRow], group: Group, stage: str) -> list[Reco
     """
     if unknown := [name for name in group.by if name not in ROW_KEYS]:
         raise StageError(
-            f"groups by {unknown[0]!r}", where=stage, expected=f"columns of the catalog: {', '.join(ROW_KEYS)}"
+            f"groups by {unknown[0]!r}",
+            where=stage,
+            expected=f"columns of the catalog: {', '.join(ROW_KEYS)}",
+            hint=did_you_mean(unknown[0], ROW_KEYS),
         )
     found: dict[tuple[str | float | None, ...], list[CatalogRow]] = {}
     for row in sorted(rows, key=lambda row: row.recording):

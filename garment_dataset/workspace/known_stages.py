@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from garment_dataset.engine.loading import HOMES, load_module, modules_of
-from garment_dataset.errors import GarmentError, StageError
+from garment_dataset.errors import GarmentError, StageError, did_you_mean
 from garment_dataset.stages import STAGES, Stage
 
 if TYPE_CHECKING:
@@ -142,7 +142,7 @@ def _of_workspace(layout: Layout) -> Iterator[StagePlace]:
                 where=layout.stages_dir,
                 expected=f"{name}.py, as garment.toml says",
                 found=", ".join(found) or "no modules",
-                hint=f"`garment new stage {name}` writes one.",
+                hint=did_you_mean(name, found) or f"`garment new stage {name}` writes one.",
             )
     for name, path in found.items():
         refuse_shadow(name, path)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import graphlib
 import warnings
 from dataclasses import dataclass
@@ -10,9 +9,18 @@ from typing import TYPE_CHECKING, Any
 
 from pydantic import BaseModel, ConfigDict, Field, ValidationError
 
+from garment_dataset.catalog.filters import compile_filter
+from garment_dataset.catalog.rows import FIXED_WORDS, ROW_KEYS
 from garment_dataset.engine.graph import producers
-from garment_dataset.errors import DataWarning, PipelineError, StageError
-from garment_dataset.layout import read_toml
+from garment_dataset.errors import (
+    DataWarning,
+    FilterError,
+    PipelineError,
+    StageError,
+    did_you_mean,
+    one_of,
+)
+from garment_dataset.layout import first_fault, read_toml
 from garment_dataset.stages import Group
 
 if TYPE_CHECKING:
@@ -116,9 +124,10 @@ def read_pipeline(path: Path) -> PipelineFile:
     try:
         file = PipelineFile.model_validate(read_toml(path))
     except ValidationError as error:
-        first = error.errors()[0]
-        name = ".".join(str(part) for part in first["loc"])
-        raise PipelineError(f"{name!r}: {first['msg']}", where=path, found=first.get("input")) from error
+        entry, expected, found, hint = first_fault(error, PipelineFile)
+        raise PipelineError(
+            f"entry {entry!r} is not understood", where=path, expected=expected, found=found, hint=hint
+        ) from error
     except (OSError, ValueError) as error:
         raise PipelineError("cannot be read as TOML", where=path, found=error) from error
     if file.variant == DEFAULT_VARIANT:
@@ -130,12 +139,12 @@ def read_pipeline(path: Path) -> PipelineFile:
 
 
 def _resolved(path: Path, file: PipelineFile, known: KnownStages) -> Pipeline:
+    _refuse_recordings(path, file)
     given = _with_moved_knobs(path, file)
     for name in (*file.stages, *given):
         if name not in known:
-            nearest = difflib.get_close_matches(name, known.names, n=1)
-            hint = f"Did you mean {nearest[0]!r}?" if nearest else None
-            raise PipelineError(f"unknown stage {name!r}", where=path, expected=f"one of {known.names}", hint=hint)
+            hint = did_you_mean(name, known.names)
+            raise PipelineError(f"unknown stage {name!r}", where=path, expected=one_of(known.names), hint=hint)
     for name in given:
         if name not in file.stages:
             hint = f"Add {name!r} to its stages, or remove the table."
@@ -144,6 +153,20 @@ def _resolved(path: Path, file: PipelineFile, known: KnownStages) -> Pipeline:
     _refuse_misfits(path, stages, known)
     params = {stage.name: _params(stage, given.get(stage.name, {}), path) for stage in stages}
     return Pipeline(path.stem, file, stages, params)
+
+
+def _refuse_recordings(path: Path, file: PipelineFile) -> None:
+    """Refuse terms that no catalog understands; which garments and recordings there are is a catalog's to say."""
+    try:
+        compile_filter(file.recordings, ROW_KEYS, FIXED_WORDS)
+    except FilterError as error:
+        raise PipelineError(
+            error.what,
+            where=f"{path}, recordings: {error.where}",
+            expected=error.expected,
+            found=error.found,
+            hint=error.hint,
+        ) from error
 
 
 def _with_moved_knobs(path: Path, file: PipelineFile) -> dict[str, dict[str, Any]]:
@@ -199,14 +222,7 @@ def _params(stage: Stage, given: Mapping[str, Any], path: Path) -> StageParams:
     try:
         return stage.params.model_validate(given)
     except ValidationError as error:
-        first = error.errors()[0]
-        name = ".".join(str(part) for part in first["loc"])
-        known = list(stage.params.model_fields)
-        expected, hint = first["msg"], None
-        if first["type"] == "extra_forbidden":
-            expected = f"one of {', '.join(known)}" if known else "no parameters"
-            nearest = difflib.get_close_matches(name, known, n=1)
-            hint = f"Did you mean {nearest[0]}?" if nearest else None
+        name, expected, found, hint = first_fault(error, stage.params)
         raise PipelineError(
-            f"[params.{stage.name}] {name}", where=path, expected=expected, found=first.get("input"), hint=hint
+            f"[params.{stage.name}] {name}", where=path, expected=expected, found=found, hint=hint
         ) from error

@@ -139,7 +139,8 @@ class Session:
     def _select(self, filters: Sequence[str]) -> Selection:
         rows = self.catalog.select(filters)
         if filters and not rows:
-            raise FilterError("no recording matches", found=" ".join(filters), hint="`garment list` shows them all.")
+            hint = self.catalog.why_nothing(filters) or "`garment list` shows them all."
+            raise FilterError("no recording matches", found=" ".join(filters), hint=hint)
         present = tuple(row for row in rows if row.path is not None)
         return Selection(present, tuple(row for row in rows if row.path is None))
 

@@ -7,7 +7,7 @@ import os
 import re
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from hypothesis import given
@@ -519,6 +519,60 @@ def test_keywords_and_terms_go_together(thesis: Catalog) -> None:
     assert len(thesis.query("GreenTowel_*", axis="R", repeat=[1, 2], dvd=True)) == 3
     with pytest.raises(FilterError, match="axis"):
         thesis.query(axes="R")
+
+
+@pytest.mark.parametrize(
+    ("filters", "message"),
+    [
+        ({"garment": "GreenTowl"}, r"garment=GreenTowl: no such garment: .*Did you mean garment=GreenTowel\?"),
+        ({"garment": ["GreenTowel", "RedSkrt"]}, r"found 'RedSkrt'\. Did you mean garment=RedSkirt\?"),
+        ({"holding": "ruler"}, r"Did you mean holding=Ruler\?"),
+        ({"axis": "Q"}, "no such axis: expected one of R, B, found 'Q'"),
+        ({"color": "gren"}, r"Did you mean color=green\?"),
+        (
+            {"recording": "GreenTowl_Free_pi16_0.5_R1"},
+            r"expected one of the 46 that there are, .*mean recording=GreenTo",
+        ),
+        ({"state": "present"}, r"state=present: no folder of recordings was looked at\. `catalog\.with_folder"),
+        ({"axes": "R"}, r"no such key: .*Did you mean axis=R\?"),
+    ],
+)
+def test_a_typing_error_is_no_empty_table(thesis: Catalog, filters: dict[str, Any], message: str) -> None:
+    with pytest.raises(FilterError, match=message) as caught:
+        thesis.query(**filters)
+    assert "\n" not in str(caught.value)
+
+
+def test_states_are_known_once_a_folder_was_looked_at(thesis: Catalog, put: Callable[..., Path]) -> None:
+    catalog = thesis.with_folder(put("GreenTowel_Free_pi16_0.5_R1.bag", "MyTowel_Free_0.5_R1.bag"))
+    assert list(catalog.query(state="present")["recording"]) == ["GreenTowel_Free_pi16_0.5_R1"]
+    assert list(catalog.query(garment="MyTowel")["recording"]) == ["MyTowel_Free_0.5_R1"], "no table has this garment"
+    with pytest.raises(
+        FilterError, match=r"expected one of present, missing, unexpected.*Did you mean state=present\?"
+    ):
+        catalog.query(state="presnt")
+    assert catalog.query(in_tables=False, state="missing").empty, "words that are known, and nothing that has them all"
+
+
+def test_a_glob_that_looks_like_nothing_is_said_beside_what_is_found(thesis: Catalog) -> None:
+    assert thesis.select(["GreenTowl_*"]) == ()
+    with pytest.warns(DataWarning, match=r"no recording looks like 'RedSkrt_\*'; the nearest is RedSkirt_"):
+        assert len(thesis.select(["GreenTowel_*", "RedSkrt_*"])) == 17
+
+
+@pytest.mark.parametrize(
+    ("term", "reason"),
+    [
+        ("weight_kg>100", "'weight_kg>100' holds of none: weight_kg is 0.045 kg to 0.446 kg"),
+        ("swing_rad<0.1", "'swing_rad<0.1' holds of none: swing_rad is 0.19635 rad"),
+        ("speed>1", "'speed>1' holds of none: speed is 0.5"),
+        ("axis=R", None),
+    ],
+)
+def test_numbers_that_nothing_has_are_answered_with_those_there_are(
+    thesis: Catalog, term: str, reason: str | None
+) -> None:
+    assert thesis.why_nothing([term]) == reason
 
 
 def test_one_recording_is_found_in_any_form_of_its_name(thesis: Catalog) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import operator
 from types import SimpleNamespace
 from typing import TYPE_CHECKING
 
@@ -11,7 +12,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from garment_dataset.catalog.filters import compile_filter, terms_of
+from garment_dataset.catalog.hints import why_nothing
+from garment_dataset.catalog.rows import ROW_KEYS
 from garment_dataset.errors import FilterError
+from garment_dataset.features.quality import QUALITY_KEYS
 
 if TYPE_CHECKING:
     from garment_dataset.catalog.filters import Kind
@@ -172,7 +176,104 @@ def test_comparisons_of_one_key_must_all_hold() -> None:
     assert [speed for speed in (0.1, 0.5, 2.0) if keep({"recording": "a", "speed": speed})] == [0.5]
 
 
-@pytest.mark.parametrize("term", ["recording<1", "speed<a", "speed<1,2", "speed<"])
-def test_comparisons_that_make_no_sense_are_refused(term: str) -> None:
-    with pytest.raises(FilterError):
-        compile_filter([term], {"recording": str, "speed": float})
+@pytest.mark.parametrize(
+    ("term", "message"),
+    [
+        ("recording<1", "recording<1: < compares numbers, and recording is none: expected one of speed$"),
+        ("dvd>=1", ">= compares numbers, and dvd is none: expected one of speed$"),
+        ("speed<a", "not a number"),
+        ("speed<1,2", "< compares with one number"),
+        ("speed<", "not a number"),
+        ("sped>1", r"Did you mean speed\?"),
+    ],
+)
+def test_comparisons_that_make_no_sense_are_refused(term: str, message: str) -> None:
+    with pytest.raises(FilterError, match=message):
+        compile_filter([term], {"recording": str, "speed": float, "dvd": bool})
+
+
+@pytest.mark.parametrize("key", [key for key, kind in {**ROW_KEYS, **QUALITY_KEYS}.items() if kind is float])
+@given(values=st.lists(st.none() | st.integers(-3, 3).map(lambda number: number / 2)), bound=st.integers(-3, 3))
+def test_every_number_compares_as_numbers_do(key: str, values: list[float | None], bound: int) -> None:
+    signs = {"<": operator.lt, "<=": operator.le, ">": operator.gt, ">=": operator.ge}
+    for sign, compare in signs.items():
+        keep = compile_filter([f"{key}{sign}{bound / 2}"], {**ROW_KEYS, **QUALITY_KEYS})
+        kept = [value for value in values if keep({key: value})]
+        assert kept == [value for value in values if value is not None and compare(value, bound / 2)]
+
+
+@pytest.mark.parametrize("key", [key for key, kind in {**ROW_KEYS, **QUALITY_KEYS}.items() if kind is not float])
+@pytest.mark.parametrize("sign", ["<", "<=", ">", ">="])
+def test_text_and_flags_do_not_compare(key: str, sign: str) -> None:
+    with pytest.raises(
+        FilterError, match=f"{sign} compares numbers, and {key} is none: expected one of repeat, "
+    ) as caught:
+        compile_filter([f"{key}{sign}1"], {**ROW_KEYS, **QUALITY_KEYS})
+    assert "\n" not in str(caught.value)
+
+
+WORDS = {
+    "recording": [str(found["recording"]) for found in RECORDS],
+    "garment": ["GreenTowel", "RedSkirt"],
+    "holding": ["Belt"],
+}
+
+
+@pytest.mark.parametrize(
+    ("term", "message"),
+    [
+        ("garment=GreenTowl", r"^garment=GreenTowl: no such garment: expected one of GreenTowel, RedSkirt, found "),
+        ("garment=GreenTowl", r"found 'GreenTowl'\. Did you mean garment=GreenTowel\?$"),
+        ("garment!=redskirt", r"Did you mean garment!=RedSkirt\?$"),
+        ("garment=GreenTowel,RedSkrt", r"found 'RedSkrt'\. Did you mean garment=RedSkirt\?$"),
+        ("garment=Entirely", "found 'Entirely'$"),
+        ("RedSkrt_Belt_pi16_1_B1", r"Did you mean RedSkirt_Belt_pi16_1_B1\?$"),
+        ("recording=RedSkrt_Belt_pi16_1_B1.bag", r"Did you mean recording=RedSkirt_Belt_pi16_1_B1\?$"),
+        ("GreenTowel", r"no such recording: .*Did you mean garment=GreenTowel\?$"),
+        ("speed", r"speed is a key: write 'speed>0\.1' in quotes"),
+        ("dvd", "dvd is a key: write dvd=VALUE"),
+    ],
+)
+def test_a_word_that_is_not_known_is_no_empty_answer(term: str, message: str) -> None:
+    with pytest.raises(FilterError, match=message):
+        compile_filter([term], KEYS, WORDS)
+
+
+@given(st.sampled_from(["garment", "recording"]), st.text(max_size=12))
+def test_of_known_words_a_value_is_a_glob_or_one_of_them(key: str, value: str) -> None:
+    value = value.replace(",", "").strip()
+    if value in {"" if key == "garment" else WORDS[key][0], *WORDS[key]} or any(letter in value for letter in "*?["):
+        compile_filter([f"{key}={value}"], KEYS, WORDS)
+        return
+    with pytest.raises(FilterError) as caught:
+        compile_filter([f"{key}={value}"], KEYS, WORDS)
+    assert "\n" not in str(caught.value)
+
+
+def records() -> list[dict[str, object]]:
+    return [dict(found) for found in RECORDS]
+
+
+@pytest.mark.parametrize(
+    ("terms", "expected"),
+    [
+        (["GreenTowl_*"], ["no recording looks like 'GreenTowl_*'; the nearest is GreenTowel_Corner_01_pi16_0.5_R1"]),
+        (["*_Blet_*"], ["no recording looks like '*_Blet_*'; the nearest is RedSkirt_Belt_pi16_1_B1"]),
+        (["garment=*ski?t"], ["no garment looks like '*ski?t'; the nearest is RedSkirt"]),
+        (["QQQ*"], ["no recording looks like 'QQQ*'"]),
+        (["speed>100"], ["'speed>100' holds of none: speed is 0.1 m/s to 1 m/s"]),
+        (["repeat=3", "repeat=3"], ["'repeat=3' holds of none: repeat is 1 to 6"]),
+        (["GreenTowel_*", "speed=1"], []),
+    ],
+)
+def test_why_nothing_is_found_is_said(terms: list[str], expected: list[str]) -> None:
+    assert chosen(*terms) == []
+    assert why_nothing(terms, records(), KEYS, WORDS, {"speed": "m/s"}) == expected
+
+
+def test_what_nothing_is_known_of_is_said() -> None:
+    unknown = [{**found, "garment": None, "dvd": None} for found in records()]
+    assert why_nothing(["dvd=yes"], unknown, KEYS, {}, {}) == ["'dvd=yes' holds of none: no dvd is known"]
+    assert why_nothing(["garment=GreenTowel"], unknown, KEYS, WORDS, {}) == ["no garment is known"]
+    yes = [{**found, "dvd": True} for found in records()]
+    assert why_nothing(["dvd=no"], yes, KEYS, {}, {}) == ["'dvd=no' holds of none: dvd is yes"]

@@ -54,7 +54,11 @@ def test_filters_and_stages_choose_what_is_built(workspace: Workspace, garment: 
     garment("build", "garment=MyScarf", "--stage", "decode", cwd=workspace.root)
     assert {path.name for path in workspace.features_dir.iterdir()} == DECODED
     assert {path.stem for path in workspace.features_dir.rglob("*.parquet")} == {"MyScarf_Corner_pi16_0.5_R1"}
-    assert "no recording matches" in garment("build", "garment=Nobody", code=2, cwd=workspace.root).err
+    assert "no such garment" in garment("build", "garment=Nobody", code=2, cwd=workspace.root).err
+    unmatched = garment("build", "MyScraf_*", code=2, cwd=workspace.root).err
+    assert "no recording matches" in unmatched
+    assert "the nearest is MyScarf_Corner_pi16_0.5_R1" in unmatched
+    assert len(unmatched.splitlines()) == 1
     assert "no stage 'decoed'" in garment("build", "-s", "decoed", code=2, cwd=workspace.root).err
     nothing = garment("build", "GreenTowel_Free*", code=2, cwd=workspace.root).err
     assert "nothing to build" in nothing

@@ -201,7 +201,7 @@ def test_a_variant_that_no_pipeline_names_any_more_can_still_be_compared(workspa
         ),
         (("other", "default"), UsageError, "no variant 'other': expected one of default, thesis. A pipeline file"),
         (("default", "thesis", "-t", "pints"), UsageError, "no table 'pints': expected one of frames, .*mean points"),
-        (("default", "thesis", "garment=Nobody"), FilterError, "no recording matches"),
+        (("default", "thesis", "garment=Nobody"), FilterError, "no such garment"),
         (("default", "thesis", "garmet=Nobody"), FilterError, "Did you mean garment=Nobody"),
         (
             ("default", "thesis", "GreenTowel_Free*"),

@@ -76,5 +76,5 @@ def test_a_variant_is_scored(reaching: Workspace, garment: Garment) -> None:
     expected = np.sqrt(np.mean((reach_m - 0.003) ** 2))
     assert float(rows[-1].split()[4]) == pytest.approx(expected, rel=1e-2)
     wrong = garment("score", ".", "recordings", "--variant", "duble", code=2, cwd=reaching.root)
-    assert "no variant 'duble': expected one of ['double']. Did you mean 'double'?" in wrong.err
+    assert "no variant 'duble': expected one of double. Did you mean double?" in wrong.err
     assert wrong.err.count("\n") == 1

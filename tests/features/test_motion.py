@@ -6,7 +6,7 @@ import dataclasses
 import json
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 import pandas as pd
@@ -15,7 +15,7 @@ import pytest
 from examples import fit_chain
 from garment_dataset import load_features, load_motion
 from garment_dataset.engine.events import Ending
-from garment_dataset.errors import StageError, StoreError
+from garment_dataset.errors import StageError, StoreError, UsageError
 from garment_dataset.features.motion import Correlation, Motion
 from garment_dataset.simulate.motion import Swing
 from garment_dataset.stages.motion import STAGE
@@ -103,8 +103,19 @@ def test_only_stages_of_recordings_may_ask_for_columns_of_the_catalog() -> None:
 def test_what_was_not_built_is_named(built: Workspace, tmp_path: Path) -> None:
     with pytest.raises(StoreError, match="no motion of GreenTowel_Ruler_09"):
         load_motion("GreenTowel_Ruler_09_pi16_0.5_R1", built.features_dir)
+    with pytest.raises(StoreError, match=f"Did you mean {TOWEL}"):
+        load_motion(TOWEL.replace("Towel", "Towl"), built.features_dir)
     with pytest.raises(StoreError, match="no files of table 'motion'"):
         load_motion(TOWEL, tmp_path)
+
+
+def test_covariances_are_of_known_quantities_and_axes(built: Workspace) -> None:
+    motion, wrong = load_motion(TOWEL, built.features_dir), cast("Any", "velocty")
+    with pytest.raises(UsageError, match=r"no such quantity: .*found 'velocty'\. Did you mean velocity\?"):
+        motion.covariance(wrong, 0)
+    for axis in (-1, 3):
+        with pytest.raises(UsageError, match="no such axis: expected 0, 1 or 2"):
+            motion.covariance("position", axis)
 
 
 def test_covariances_are_what_the_correlations_say(built: Workspace) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import duckdb
 import pandas as pd
@@ -15,6 +15,7 @@ import pytest
 
 from garment_dataset import load_features, open_features
 from garment_dataset.errors import FilterError, StoreError
+from garment_dataset.features.reading import result_params
 from garment_dataset.workspace import Workspace
 from tests.conftest import RECORDINGS
 
@@ -102,7 +103,7 @@ def test_filters_choose_rows(features: Path) -> None:
     assert set(scarf["recording"]) == {"MyScarf_Corner_pi16_0.5_R1"}
     assert set(scarf["point"]) == {1, 5}
     assert len(load_features("points", folder=features, recording=list(RECORDINGS[:2]))) == 2 * 24 * 5
-    assert load_features("points", folder=features, garment="Nobody").empty
+    assert load_features("points", folder=features, garment=["Nobody", "MyScarf"])["garment"].unique() == ["MyScarf"]
     assert open_features("points", folder=features).count_rows() == 3 * 24 * 5
 
 
@@ -113,6 +114,44 @@ def test_what_is_not_there_is_named(features: Path, tmp_path: Path) -> None:
         load_features("pionts", folder=features)
     with pytest.raises(StoreError, match="garment build"):
         load_features("points", folder=tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("table", "filters", "message"),
+    [
+        ("points", {"garment": "MyScraf"}, r"no such garment: expected one of GreenTowel, MyScarf.*mean MyScarf\?"),
+        ("points", {"garment": ["Nobody", "None"]}, r"no such garment: .* found \['Nobody', 'None'\]\. `garment list`"),
+        ("points", {"recording": "MyScarf_Corner_pi16_0.5_B1"}, r"Did you mean MyScarf_Corner_pi16_0\.5_R1\?"),
+        ("points", {"axis": "Q", "point": 1}, "no such axis: expected one of B, R, found 'Q'"),
+        ("gripper", {"stream": "colour"}, r"Did you mean color\?"),
+        ("points", {"garmet": "MyScarf"}, r"'garmet' is no column.*Did you mean garment\?"),
+    ],
+)
+def test_words_that_are_not_there_are_no_empty_table(
+    features: Path, table: str, filters: dict[str, Any], message: str
+) -> None:
+    with pytest.raises(FilterError, match=message) as caught:
+        load_features(table, folder=features, **filters)
+    assert "\n" not in str(caught.value)
+
+
+def test_what_might_be_there_and_is_not_is_an_empty_table(features: Path) -> None:
+    asked: list[dict[str, Any]] = [{"axis": "B"}, {"garment": "MyScarf", "repeat": 1}, {"reason": "x"}, {"garment": []}]
+    for filters in asked:
+        found = load_features("points", folder=features, **filters)
+        assert found.empty
+        assert "z_m" in found
+
+
+def test_parameters_of_a_result_are_asked_for_by_its_name(features: Path) -> None:
+    assert result_params("points", RECORDINGS[0], folder=features)["method"] == "profile"
+    for table, name, message in (
+        ("points", "*", "garment build"),
+        ("points", RECORDINGS[0].replace("Towel", "Towl"), f"Did you mean {RECORDINGS[0]}"),
+        ("pionts", RECORDINGS[0], "Did you mean points"),
+    ):
+        with pytest.raises(StoreError, match=message):
+            result_params(table, name, folder=features)
 
 
 def test_a_hanging_sheet_is_found_where_it_is(features: Path) -> None:

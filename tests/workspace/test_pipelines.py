@@ -51,6 +51,19 @@ def test_two_pipelines_may_share_a_stage_but_not_contradict(workspace: Workspace
         ('stages = ["depth_points"]', "Add 'decode' to its stages"),
         ('stage = ["decode"]', "stage"),
         ('stages = ["decode"]\n[params.decode]\nfoo = 1', "foo"),
+        (
+            'stagse = ["decode"]',
+            r"entry 'stagse' is not .*one of description, .*, found 'stagse'\. Did you mean stages\?",
+        ),
+        ('stages = ["decode"]\n[params.decode]\ngripper_sorce = "tf"', r"gripper_sorce: .*mean gripper_source\?"),
+        (
+            'stages = ["decode"]\n[params.decode]\ngripper_source = "tpoic"',
+            r"gripper_source: expected one of auto, topic, tf, found 'tpoic'\. Did you mean topic\?",
+        ),
+        ('stages = ["decode"]\nrecordings = ["axes=R"]', r"recordings: axes=R: no such key: .*Did you mean axis=R\?"),
+        ('stages = ["decode"]\nrecordings = ["axis=Q"]', "no such axis: expected one of R, B, found 'Q'"),
+        ('stages = ["decode"]\nrecordings = ["garment=GreenTowl"]', r"Did you mean garment=GreenTowel\?"),
+        ('stages = ["decode"]\nrecordings = ["MyScarf_Corner_pi16_0.5_B1"]', r"mean MyScarf_Corner_pi16_0\.5_R1\?"),
         ('stages = ["decode"]\n[params.decod]\nfoo = 1', "unknown stage 'decod'"),
         ('stages = ["decode", "depth_points"]\n[params.depth_points]\npoint_count = -1', "point_count"),
     ],
@@ -60,6 +73,7 @@ def test_mistakes_name_the_file_and_what_is_known(workspace: Workspace, text: st
     with pytest.raises(PipelineError, match=message) as caught:
         graph_of(workspace)
     assert "depth.toml" in str(caught.value)
+    assert "\n" not in str(caught.value)
 
 
 def test_no_pipeline_at_all_is_said(workspace: Workspace) -> None:
