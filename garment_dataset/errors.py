@@ -6,6 +6,8 @@ The form of their messages, and the errors of the engine itself, are in :mod:`ga
 from __future__ import annotations
 
 from garment_dataset.engine.errors import (
+    ClusterError,
+    ClusterLostError,
     DataWarning,
     SourceError,
     StageError,
@@ -18,6 +20,8 @@ from garment_dataset.engine.errors import ReportedError as GarmentError
 __all__ = [
     "BagError",
     "CatalogError",
+    "ClusterError",
+    "ClusterLostError",
     "DataWarning",
     "FilterError",
     "GarmentError",

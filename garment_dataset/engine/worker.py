@@ -27,7 +27,7 @@ if TYPE_CHECKING:
     from garment_dataset.engine.stage import Stage
     from garment_dataset.engine.table import Label
 
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
+ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "OPENCV_FOR_THREADS_NUM")
 
 
 @dataclass(frozen=True)
@@ -139,7 +139,7 @@ class Trouble:
 
 def prepare_process() -> None:
     """Set up a worker process: one thread each, and Ctrl-C left to the coordinating process."""
-    for variable in _ONE_THREAD:
+    for variable in ONE_THREAD:
         os.environ[variable] = "1"
     signal.signal(signal.SIGINT, signal.SIG_IGN)
 
