@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import json
 import os
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -13,13 +14,13 @@ from garment_dataset.catalog import Catalog
 from garment_dataset.engine.code import CodeCache
 from garment_dataset.engine.plan import State, make_plan
 from garment_dataset.engine.store import Store
-from garment_dataset.errors import FilterError, UsageError
+from garment_dataset.errors import FilterError, MissingExtraError, UsageError
 from garment_dataset.workspace.graph import draw_graph
 from garment_dataset.workspace.known_stages import KnownStages
 from garment_dataset.workspace.pipelines import load_pipelines
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
     from types import TracebackType
     from typing import Self
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
     from garment_dataset.catalog import CatalogRow
     from garment_dataset.engine.code import Code
     from garment_dataset.engine.events import Event, Report
+    from garment_dataset.engine.executors import Pool
     from garment_dataset.engine.graph import Graph
     from garment_dataset.engine.plan import Plan
     from garment_dataset.layout import Layout
@@ -152,6 +154,7 @@ class Session:
         plan: Plan,
         *,
         jobs: int | None = None,
+        scheduler: str | None = None,
         retry_failed: bool = False,
         forced: bool = False,
         emit: Callable[[Event], None] = lambda _: None,
@@ -164,7 +167,9 @@ class Session:
             As :meth:`plan` returned it.
         jobs : int, optional
             Worker processes; 0 runs everything in this process. By default one per usable processor, and no more than
-            there are recordings.
+            there are recordings. On a cluster, the number of tasks at a time; by default one per worker.
+        scheduler : str, optional
+            Address of a Dask scheduler, on whose workers everything is run.
         retry_failed : bool
             Run again what failed before with the very same inputs.
         forced : bool
@@ -172,23 +177,42 @@ class Session:
         emit : callable
             Told of every node's ending as it happens.
         """
-        from garment_dataset.engine.executors import Pool, local_executor, usable_cpus
         from garment_dataset.engine.run import Options, Run
 
         subjects = {decision.node.subject for decision in plan if forced or decision.state is not State.FRESH}
-        workers = min(usable_cpus(), max(1, len(subjects))) if jobs is None else jobs
-        report = Run(
-            self.graph,
-            plan,
-            codes=self.codes,
-            code_cache=self._code_cache,
-            store=self.store,
-            pool=Pool(lambda: local_executor(workers)),
-            options=Options(slots=max(1, workers), retry_failed=retry_failed, forced=forced),
-            emit=emit,
-        ).finish()
+        with self._workers(jobs, scheduler, len(subjects)) as (pool, slots):
+            report = Run(
+                self.graph,
+                plan,
+                codes=self.codes,
+                code_cache=self._code_cache,
+                store=self.store,
+                pool=pool,
+                options=Options(slots=slots, retry_failed=retry_failed, forced=forced),
+                emit=emit,
+            ).finish()
         self._describe_tables(report)
         return report
+
+    @contextmanager
+    def _workers(self, jobs: int | None, scheduler: str | None, subjects: int) -> Iterator[tuple[Pool, int]]:
+        """Yield where tasks run, and how many at a time."""
+        from garment_dataset.engine.executors import Pool, local_executor, usable_cpus
+
+        if scheduler is None:
+            workers = min(usable_cpus(), max(1, subjects)) if jobs is None else jobs
+            yield Pool(lambda: local_executor(workers)), max(1, workers)
+            return
+        try:
+            from garment_dataset.engine.cluster import open_cluster
+        except ImportError as error:
+            raise MissingExtraError("a cluster needs Dask", hint="pip install 'garment-dataset[dask]'") from error
+        homes = frozenset(stage.home for stage in self.stages if stage.home is not None)
+        libraries = {name: version for code in self.codes.values() for name, version in code.libraries.items()}
+        with open_cluster(
+            scheduler, roots=self._roots, homes=homes, libraries=libraries, shared_dir=self.store.scratch_dir
+        ) as (executor, workers):
+            yield Pool(lambda: executor), jobs or workers
 
     def _describe_tables(self, report: Report) -> None:
         """Write each table's schema beside its files, for readers that drop Arrow's metadata."""
