@@ -4,8 +4,10 @@ VENV ?= .venv
 BIN := $(VENV)/bin
 STAMP := $(VENV)/.installed
 
+LOWEST := .venv-lowest
+
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow check format accuracy bench clean
+.PHONY: help setup demo test test-slow test-lowest test-python check format accuracy bench clean
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -27,6 +29,22 @@ test: $(STAMP) ## Run the quick tests
 test-slow: $(STAMP) ## Run the tests that take longer
 	$(BIN)/python -m pytest -n auto -m slow
 
+test-lowest: $(LOWEST)/.installed ## Run the quick tests with the lowest versions that pyproject.toml allows
+	$(LOWEST)/bin/python -m pytest -n auto
+
+# uv alone can resolve downward; it lies in an environment of its own so that the tests see nothing of it
+$(LOWEST)/.installed: pyproject.toml
+	$(PYTHON) -m venv --clear $(LOWEST)-uv
+	$(LOWEST)-uv/bin/python -m pip install --quiet uv
+	$(PYTHON) -m venv --clear $(LOWEST)
+	$(LOWEST)-uv/bin/uv pip install --quiet --python $(LOWEST)/bin/python --resolution lowest-direct --editable '.[dev]'
+	@touch $@
+
+# PYENV_VERSION chooses among the versions of pyenv, where that is what makes pythonX.Y
+test-python: ## Run the quick tests on another Python: make test-python VERSION=3.13
+	@test -n "$(VERSION)" || { echo "which Python? make test-python VERSION=3.13" >&2; exit 2; }
+	PYENV_VERSION=$(VERSION) $(MAKE) test PYTHON=python$(VERSION) VENV=.venv-$(VERSION)
+
 check: $(STAMP) ## Lint, check the format and the types
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
@@ -44,4 +62,4 @@ bench: $(STAMP) ## Run the side-by-side measurements
 	@for script in $(filter-out benchmarks/accuracy%,$(wildcard benchmarks/*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
 
 clean: ## Remove what the targets above made, the demo included
-	rm -rf $(VENV) demo dist build .pytest_cache .mypy_cache .ruff_cache .hypothesis
+	rm -rf $(VENV) .venv-* demo dist build .pytest_cache .mypy_cache .ruff_cache .hypothesis

@@ -9,6 +9,8 @@ import difflib
 from typing import TYPE_CHECKING
 
 from garment_dataset.engine.errors import (
+    ClusterError,
+    ClusterLostError,
     DataWarning,
     LockedError,
     SourceError,
@@ -26,6 +28,8 @@ if TYPE_CHECKING:
 __all__ = [
     "BagError",
     "CatalogError",
+    "ClusterError",
+    "ClusterLostError",
     "DataWarning",
     "FilterError",
     "GarmentError",

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
@@ -36,6 +36,12 @@ def build(
         int | None,
         typer.Option("--jobs", "-j", min=0, help="Worker processes; 0: none, run in this one. [default: one per CPU]"),
     ] = None,
+    engine: Annotated[
+        Literal["local", "dask"], typer.Option("--engine", help="Where to run: on this machine, or on a Dask cluster.")
+    ] = "local",
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="ADDRESS", help="Address of the cluster's scheduler.")
+    ] = None,
     dry_run: Annotated[
         bool, typer.Option("--dry-run", "-n", help="Say what would be done, and why; do nothing.")
     ] = False,
@@ -53,6 +59,7 @@ def build(
     as_json: JsonOption = False,
 ) -> None:
     """Build what is missing or stale, and nothing else."""
+    _check_engine(engine, scheduler, jobs)
     with open_session(workspace, filters or (), stage or ()) as session:
         plan = session.plan()
         _refuse_nothing(session, plan)
@@ -71,6 +78,7 @@ def build(
             report = building.build(
                 session,
                 jobs=jobs,
+                scheduler=scheduler,
                 retry_failed=failed,
                 forced=force,
                 rehash=rehash,
@@ -79,6 +87,16 @@ def build(
                 tell=lambda text: say(f"garment: {text}"),
             )
         _summarise(report, session, as_json=as_json)
+
+
+def _check_engine(engine: str, scheduler: str | None, jobs: int | None) -> None:
+    """Refuse options that do not go together."""
+    if engine == "local" and scheduler is not None:
+        raise UsageError("--scheduler is for --engine dask", found=f"--scheduler {scheduler} without it")
+    if engine == "dask" and scheduler is None:
+        raise UsageError("--engine dask needs --scheduler", hint="`dask scheduler` prints its address.")
+    if engine == "dask" and jobs == 0:
+        raise UsageError("--jobs 0 runs in this process, --engine dask on a cluster", hint="Leave one of them out.")
 
 
 def _refuse_nothing(session: Session, plan: Plan) -> None:

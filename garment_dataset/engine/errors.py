@@ -121,5 +121,15 @@ class LockedError(ReportedError):
     exit_code = 4
 
 
+class ClusterError(ReportedError):
+    """A cluster that cannot be reached, or workers that do not fit this process."""
+
+
+class ClusterLostError(ClusterError):
+    """A cluster that went away while it was working."""
+
+    exit_code = 1
+
+
 class DataWarning(UserWarning):
     """Something in the data that was left out of a result, and that its owner should know of."""

@@ -47,6 +47,7 @@ class Store:
         self.features_dir = features_dir
         self._index_path = private_dir / "index.sqlite"
         self._is_lasting = True
+        self._is_prepared = False
         try:
             self.index = Index(self._index_path)
             self.results = self.index.results()
@@ -65,7 +66,7 @@ class Store:
         self.results = self.index.results()
 
     def prepare(self) -> None:
-        """Make ready for writing: the index lasts from here on, and what dead processes left behind is cleared away.
+        """Make ready for writing, once: the index lasts, and what dead processes left behind is cleared away.
 
         The caller holds the lock: whatever lies in the scratch folders belongs to nobody.
 
@@ -74,6 +75,9 @@ class Store:
         StorageError
             If the folders cannot be written.
         """
+        if self._is_prepared:
+            return
+        self._is_prepared = True
         self.clear_scratch()
         if not self._is_lasting:
             self.index.close()

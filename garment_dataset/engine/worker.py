@@ -37,7 +37,11 @@ if TYPE_CHECKING:
     from garment_dataset.engine.stage import Stage
     from garment_dataset.engine.table import Label, TableSpec
 
-_PASSING = frozenset({errno.ENOSPC, errno.EDQUOT, errno.ENOMEM, errno.EIO, errno.EMFILE, errno.ENFILE, errno.EROFS})
+_PASSING = frozenset(
+    getattr(errno, f"E{name}")
+    for name in "NOSPC DQUOT NOMEM IO MFILE NFILE ROFS ACCES PERM STALE TIMEDOUT".split()  # noqa: SIM905
+)
+"""What the machine cannot do now, and perhaps can do later."""
 
 
 class StoredTable(NamedTuple):

@@ -27,6 +27,7 @@ def build(
     session: Session,
     *,
     jobs: int | None = None,
+    scheduler: str | None = None,
     retry_failed: bool = False,
     forced: bool = False,
     rehash: bool = False,
@@ -42,7 +43,9 @@ def build(
         What it is about; read anew where another build had to be waited for.
     jobs : int, optional
         Worker processes; 0 runs everything in this process. By default one per usable processor, and no more than there
-        are recordings.
+        are recordings. On a cluster, the number of tasks at a time; by default one per worker.
+    scheduler : str, optional
+        Address of a Dask scheduler, on whose workers everything is run.
     retry_failed : bool
         Run again what failed before with the very same inputs.
     forced : bool
@@ -71,8 +74,9 @@ def build(
         with interrupts.cleaning_up(session.store.clear_scratch, _INTERRUPTED):
             log = BuildLog.begin(layout.private_dir, session.codes)
             describe_tables(session)
-            runner = session.runner(jobs=jobs, retry_failed=retry_failed, forced=forced, emit=emit)
-            report = runner.finish()
+            report = session.act(
+                jobs=jobs, scheduler=scheduler, retry_failed=retry_failed, forced=forced, emit=emit
+            )
             describe_tables(session)
             note_orphans(session)
             log.end(report)

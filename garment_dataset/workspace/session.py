@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
@@ -12,23 +13,23 @@ from garment_dataset.engine.code import CodeCache
 from garment_dataset.engine.graph import NodeId
 from garment_dataset.engine.plan import State, make_plan
 from garment_dataset.engine.store import Store
-from garment_dataset.errors import FilterError, UsageError
+from garment_dataset.errors import FilterError, MissingExtraError, UsageError
 from garment_dataset.workspace.graph import draw_graph
 from garment_dataset.workspace.known_stages import KnownStages
 from garment_dataset.workspace.pipelines import load_pipelines
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Sequence
+    from collections.abc import Callable, Iterable, Iterator, Sequence
     from pathlib import Path
     from types import TracebackType
     from typing import Self
 
     from garment_dataset.catalog import CatalogRow
     from garment_dataset.engine.code import Code
-    from garment_dataset.engine.events import Event
+    from garment_dataset.engine.events import Event, Report
+    from garment_dataset.engine.executors import Pool
     from garment_dataset.engine.graph import Graph
     from garment_dataset.engine.plan import Plan
-    from garment_dataset.engine.run import Run
     from garment_dataset.layout import Layout
     from garment_dataset.stages import Stage
 
@@ -166,31 +167,52 @@ class Session:
         """Have the content of every selected bag read anew, whatever size and time say."""
         self.store.index.forget_sources([str(path) for node in self.graph for path in node.sources.values()])
 
-    def runner(
+    def act(
         self,
         *,
         jobs: int | None = None,
+        scheduler: str | None = None,
         retry_failed: bool = False,
         forced: bool = False,
         emit: Callable[[Event], None] = lambda _: None,
-    ) -> Run:
-        """Return what acts on the plan as it is now; see :func:`garment_dataset.workspace.building.build`."""
-        from garment_dataset.engine.executors import Pool, local_executor, usable_cpus
+    ) -> Report:
+        """Act on the plan as it is now, under the lock: see :func:`garment_dataset.workspace.building.build`."""
         from garment_dataset.engine.run import Options, Run
 
         plan = self.plan()
         subjects = {decision.node.subject for decision in plan if forced or decision.state is not State.FRESH}
-        workers = min(usable_cpus(), max(1, len(subjects))) if jobs is None else jobs
-        return Run(
-            self.graph,
-            plan,
-            codes=self.codes,
-            code_cache=self._code_cache,
-            store=self.store,
-            pool=Pool(lambda: local_executor(workers)),
-            options=Options(max(1, workers), retry_failed, forced, frozenset(self.orphans())),
-            emit=emit,
-        )
+        self.store.prepare()
+        with self._workers(jobs, scheduler, len(subjects)) as (pool, slots):
+            return Run(
+                self.graph,
+                plan,
+                codes=self.codes,
+                code_cache=self._code_cache,
+                store=self.store,
+                pool=pool,
+                options=Options(slots, retry_failed, forced, frozenset(self.orphans())),
+                emit=emit,
+            ).finish()
+
+    @contextmanager
+    def _workers(self, jobs: int | None, scheduler: str | None, subjects: int) -> Iterator[tuple[Pool, int]]:
+        """Yield where tasks run, and how many at a time."""
+        from garment_dataset.engine.executors import Pool, local_executor, usable_cpus
+
+        if scheduler is None:
+            workers = min(usable_cpus(), max(1, subjects)) if jobs is None else jobs
+            yield Pool(lambda: local_executor(workers)), max(1, workers)
+            return
+        try:
+            from garment_dataset.engine.cluster import open_cluster
+        except ImportError as error:
+            raise MissingExtraError("a cluster needs Dask", hint="pip install 'garment-dataset[dask]'") from error
+        homes = frozenset(stage.home for stage in self.stages if stage.home is not None)
+        libraries = {name: version for code in self.codes.values() for name, version in code.libraries.items()}
+        with open_cluster(
+            scheduler, roots=self._roots, homes=homes, libraries=libraries, shared_dir=self.store.scratch_dir
+        ) as (executor, workers):
+            yield Pool(lambda: executor), jobs or workers
 
     @cached_property
     def _whole_graph(self) -> Graph:

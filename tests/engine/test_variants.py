@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+from contextlib import closing
 from typing import TYPE_CHECKING
 
 import pytest
@@ -117,7 +118,8 @@ def test_what_is_equal_fails_alike(varied: Toy, jobs: int) -> None:
 def test_files_that_one_lost_are_linked_again_from_what_both_share(varied: Toy, lost: str) -> None:
     varied.build()
     before = varied.files()
-    Store(varied.private_dir, varied.features_dir).feature_path("numbers", "kind=toy", "a", lost).unlink()
+    with closing(Store(varied.private_dir, varied.features_dir)) as store:
+        store.feature_path("numbers", "kind=toy", "a", lost).unlink()
     decisions = {decision.node: decision for decision in varied.plan()}
     assert next(node for node, found in decisions.items() if found.state is not State.FRESH) == ("numbers", "a", lost)
     report = varied.build()
