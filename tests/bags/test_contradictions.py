@@ -13,7 +13,7 @@ import pytest
 from garment_dataset.bags import open_bag
 from garment_dataset.errors import BagError, SourceError
 from tests.drills.fuzz_bags import DEPTH, ROS1, ROS2, Sample, make_sample
-from tests.drills.fuzz_damage import Ros1
+from tests.drills.fuzz_ros1 import Ros1
 
 if TYPE_CHECKING:
     from collections.abc import Callable

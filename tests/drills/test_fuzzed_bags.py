@@ -16,8 +16,9 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tests.drills.fuzz_bags import ROS1, ROS2, Sample, make_sample
-from tests.drills.fuzz_damage import Damage, Ros1, damage_bytes, damage_database, damage_index
+from tests.drills.fuzz_damage import Damage, damage_bytes, damage_database, damage_index
 from tests.drills.fuzz_law import Outcome, judge, read
+from tests.drills.fuzz_ros1 import Ros1
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
