@@ -74,9 +74,7 @@ def build(
         with interrupts.cleaning_up(session.store.clear_scratch, _INTERRUPTED):
             log = BuildLog.begin(layout.private_dir, session.codes)
             describe_tables(session)
-            report = session.act(
-                jobs=jobs, scheduler=scheduler, retry_failed=retry_failed, forced=forced, emit=emit
-            )
+            report = session.act(jobs=jobs, scheduler=scheduler, retry_failed=retry_failed, forced=forced, emit=emit)
             describe_tables(session)
             note_orphans(session)
             log.end(report)

@@ -94,7 +94,8 @@ class Session:
         self.partial_groups = [
             node_id for node_id in drawn.partial_groups if not self._stage_names or node_id.stage in self._stage_names
         ]
-        self._code_cache = CodeCache(layout.private_dir / "code", known.roots())
+        self._roots = known.roots()
+        self._code_cache = CodeCache(layout.private_dir / "code", self._roots)
         for name in ("codes", "_whole_graph"):
             self.__dict__.pop(name, None)
 

@@ -19,8 +19,9 @@ from garment_dataset.engine.codebase.libraries import library_versions
 from garment_dataset.engine.errors import ClusterError, ClusterLostError
 from garment_dataset.engine.events import Ending, Event, Report
 from garment_dataset.engine.plan import State
-from garment_dataset.engine.sources import SourceStat
-from garment_dataset.engine.worker import ONE_THREAD, Reading, Trouble, digest_task
+from garment_dataset.engine.sources import stat_source
+from garment_dataset.engine.threads import VARIABLES
+from garment_dataset.engine.worker import Reading, Trouble, digest_task
 from tests.dask_cluster import DaskCluster
 from tests.engine.conftest import ROOTS
 
@@ -183,7 +184,7 @@ def test_nobody_answers_and_nobody_works(toy: Toy, dask: DaskCluster, monkeypatc
 def expected(toy: Toy, monkeypatch: pytest.MonkeyPatch) -> Expected:
     """What this process agrees with."""
     monkeypatch.setattr(cluster_worker, "_FIRST_SEEN", {})
-    for name in ONE_THREAD:
+    for name in VARIABLES:
         monkeypatch.setenv(name, "1")
     probe = toy.root / "probe"
     probe.write_text("token")
@@ -257,8 +258,9 @@ def test_numerics_that_run_in_several_threads_are_refused(expected: Expected, mo
 
 def test_nothing_runs_on_a_worker_that_does_not_fit_and_the_trouble_passes(toy: Toy, expected: Expected) -> None:
     source = toy.root / "sources" / "a.txt"
-    stat = source.stat()
-    call = pickle.dumps((digest_task, Reading(source, SourceStat(stat.st_size, stat.st_mtime_ns, stat.st_ino))))
+    stat = stat_source(source)
+    assert stat is not None
+    call = pickle.dumps((digest_task, Reading(source, stat)))
     assert isinstance(run_call(call, expected), str)
     found = run_call(call, dataclasses.replace(expected, libraries={"numpy": "1.0"}))
     assert isinstance(found, Trouble)
