@@ -18,7 +18,15 @@ if TYPE_CHECKING:
     from garment_dataset.catalog import Catalog
 
 Code = Literal[
-    "table-error", "misnamed", "duplicate", "unfinished", "unexpected", "missing", "no-background", "unpaired"
+    "table-error",
+    "misnamed",
+    "duplicate",
+    "unfinished",
+    "unexpected",
+    "missing",
+    "no-background",
+    "orphaned",
+    "unpaired",
 ]
 Severity = Literal["error", "warning", "note"]
 
@@ -30,9 +38,10 @@ SEVERITIES: dict[Code, Severity] = {
     "unexpected": "warning",
     "missing": "warning",
     "no-background": "warning",
+    "orphaned": "warning",
     "unpaired": "note",
 }
-"""All codes, in the order of a report; the codes are stable."""
+"""All codes, in the order of a report; the codes are stable. Whoever knows the results finds what is ``orphaned``."""
 
 _MAX_COMPARISONS = 50_000
 """How many pairs of names may be compared letter by letter: about a second's worth."""

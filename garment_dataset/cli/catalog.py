@@ -19,6 +19,7 @@ from garment_dataset.cli.output import (
     print_table,
     say,
 )
+from garment_dataset.errors import GarmentError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -96,7 +97,7 @@ def lint_(
 
     place = _workspace(workspace)
     catalog = Catalog.load(place.catalog_dir, strict=False).with_folder(place.recordings_dir)
-    everything = lint(catalog)
+    everything = (*lint(catalog), *_orphaned(place))
     words = {
         "recording": _names(catalog, everything),
         "code": tuple(SEVERITIES),
@@ -116,6 +117,27 @@ def lint_(
         print(", ".join(f"{count} {code}" for code, count in counts.items()) or agreed)
     if findings:
         raise typer.Exit(1)
+
+
+def _orphaned(place: Workspace) -> Iterator[Finding]:
+    """Yield whose results lie in the features folder and are asked for by nothing any more."""
+    from garment_dataset.catalog.lint import Finding
+    from garment_dataset.workspace.session import Session
+
+    if not place.features_dir.is_dir():
+        return
+    try:
+        with Session(place) as session:
+            found = session.orphaned_files()
+    except GarmentError:
+        return  # what stands in the way is found above, or said by `garment status`
+    files: dict[tuple[str, str], list[Path]] = {}
+    for path, why in found.items():
+        files.setdefault((path.stem, why), []).append(path)
+    for (subject, why), paths in files.items():
+        message = f"{len(paths)} files of results that nothing asks for: {why}"
+        hint = "`garment gc --delete` removes them; of a renamed bag, `garment build` moves them first."
+        yield Finding("orphaned", "warning", subject, str(paths[0]), message, hint)
 
 
 def _workspace(path: Path | None) -> Workspace:

@@ -96,6 +96,7 @@ class CodeCache:
             If a stage reaches code that cannot be followed.
         """
         before = json.dumps(self._remembered)
+        self._code_base = None  # it keeps what it has read
         state_of = functools.cache(content_state)  # each file is read once, whatever number of stages rests on it
         entries = {stage.name: self._entry(stage, state_of) for stage in stages}
         if json.dumps(self._remembered) != before:
@@ -160,7 +161,7 @@ class CodeCache:
 def _to_json(found: Fingerprint) -> dict[str, Any]:
     # what was found also rests on the code that found it
     files = (*found.files, *sorted((Path(__file__).parent / "codebase").glob("*.py")))
-    states = [(str(path), content_state(str(path))) for path in files]
+    states = [(str(path), found.states.get(path) or content_state(str(path))) for path in files]
     return {
         "digest": found.digest,
         "parts": dict(found.parts),

@@ -31,6 +31,11 @@ def content_state(path: str) -> str | None:
                 content = file.read()
     except OSError:
         return None
+    return state_of(content)
+
+
+def state_of(content: bytes) -> str:
+    """Return the digest of a file's content."""
     return hashlib.blake2b(content, digest_size=12).hexdigest()
 
 

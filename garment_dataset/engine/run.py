@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.errors import StorageError
 from garment_dataset.engine.events import Ending, Event, Report
+from garment_dataset.engine.loaded import refresh_bytecode
 from garment_dataset.engine.plan import State
 from garment_dataset.engine.results import Failure, Result, StoredOutput
 from garment_dataset.engine.schedule import Schedule
@@ -114,6 +115,7 @@ class Run:
             If there is no place to work in.
         """
         self._store.prepare()
+        refresh_bytecode(sorted({file for code in self._codes.values() for file in code.files}))
         try:
             self._scratch_dir.mkdir(parents=True)
         except OSError as error:

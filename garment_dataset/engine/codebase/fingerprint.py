@@ -7,7 +7,7 @@ nothing is imported.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from garment_dataset.engine.canonical import digest
@@ -43,12 +43,15 @@ class Fingerprint:
         Third-party top-level import names in reach, sorted; their versions are :func:`library_versions`.
     files : tuple of Path
         Source files and package folders consulted, sorted: while they stay as they are, so does the fingerprint.
+    states : mapping of Path to str
+        Digest of the content of each of the files, as it was read.
     """
 
     digest: str
     parts: Mapping[str, str]
     libraries: tuple[str, ...]
     files: tuple[Path, ...]
+    states: Mapping[Path, str] = field(compare=False)
 
 
 class CodeBase:
@@ -93,7 +96,8 @@ class CodeBase:
             digest=digest(_VERSION, [str(target), parts]),
             parts={symbol: part[:_PART_DIGITS] for symbol, part in sorted(parts.items())},
             libraries=tuple(sorted(reach.libraries)),
-            files=tuple(sorted(self._files(reach))),
+            files=(files := tuple(sorted(self._files(reach)))),
+            states={path: self._modules.states[path] for path in files if path in self._modules.states},
         )
 
     def _parts(self, reach: Reach) -> dict[str, str]:

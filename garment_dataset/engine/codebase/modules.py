@@ -17,6 +17,7 @@ from garment_dataset.engine.codebase.rules import MODULE_VARIABLES
 from garment_dataset.engine.codebase.scopes import DEFINITION, Bindings, Home, ImportTarget, global_writes
 from garment_dataset.engine.codebase.statements import Statement, statements_of
 from garment_dataset.engine.errors import UntraceableCodeError
+from garment_dataset.engine.loaded import state_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -126,11 +127,17 @@ class Modules:
     ----------
     roots : mapping of str to Path
         Folder of each first-party package, or file of a first-party module, by import name.
+
+    Attributes
+    ----------
+    states : dict of Path to str
+        Digest of the content of every file that was read, as it was read.
     """
 
     def __init__(self, roots: Mapping[str, Path]) -> None:
         self._places = Places(roots)
         self._modules: dict[str, Module] = {}
+        self.states: dict[Path, str] = {}
 
     def is_first_party(self, module: str) -> bool:
         """Say whether a dotted name belongs to one of the roots."""
@@ -228,13 +235,23 @@ class Modules:
             name = f"{name}.{target.attribute}"
         return with_parents(name)
 
+    def _parse(self, file: Path) -> tuple[ast.Module, str]:
+        try:
+            content = file.read_bytes()
+            self.states[file] = state_of(content)
+            source = importlib.util.decode_source(content)
+            return ast.parse(source), source
+        except (OSError, SyntaxError, ValueError, RecursionError, MemoryError) as error:
+            line = f":{error.lineno}" if isinstance(error, SyntaxError) and error.lineno else ""
+            raise UntraceableCodeError("cannot be read as Python", where=f"{file}{line}", found=error) from error
+
     def _read(self, name: str) -> Module:
         if (found := self._places.find(name)) is None:
             raise UntraceableCodeError(
                 "no such module", found=name, hint="Its file is missing, or its package is not declared as first-party"
             )
         file, folder = found
-        tree, source = _parse(file) if file is not None else (ast.Module([], []), "")
+        tree, source = self._parse(file) if file is not None else (ast.Module([], []), "")
         walrus_lines = tuple(number for number, line in enumerate(source.split("\n"), 1) if ":=" in line)
         home = Home(name, folder is not None, str(file or folder), walrus_lines)
         statements = statements_of(tree, source, home)
@@ -273,12 +290,3 @@ def _merge(every: Iterable[Bindings]) -> Bindings:
         for name, targets in names.imports.items():
             merged.imports.setdefault(name, set()).update(targets)
     return merged
-
-
-def _parse(file: Path) -> tuple[ast.Module, str]:
-    try:
-        source = importlib.util.decode_source(file.read_bytes())
-        return ast.parse(source), source
-    except (OSError, SyntaxError, ValueError, RecursionError, MemoryError) as error:
-        line = f":{error.lineno}" if isinstance(error, SyntaxError) and error.lineno else ""
-        raise UntraceableCodeError("cannot be read as Python", where=f"{file}{line}", found=error) from error
