@@ -10,10 +10,10 @@ Besides what a name leads to, three things belong to the reach:
 
 from __future__ import annotations
 
-import ast
 from typing import TYPE_CHECKING
 
 from garment_dataset.engine.codebase.modules import Symbol, with_parents
+from garment_dataset.engine.codebase.reading import file_passed_on
 from garment_dataset.engine.codebase.rules import located, reached_through
 from garment_dataset.engine.codebase.uses import (
     ACTS,
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
     from garment_dataset.engine.codebase.index import Index
     from garment_dataset.engine.codebase.modules import Module
-    from garment_dataset.engine.codebase.references import Facts, Passed
+    from garment_dataset.engine.codebase.references import Facts
     from garment_dataset.engine.codebase.scopes import ImportTarget
     from garment_dataset.engine.codebase.statements import Statement
 
@@ -185,27 +185,12 @@ class Reach:
     def _check_files(self) -> None:
         """Refuse a path that is made of no argument where a function, perhaps some calls away, opens it."""
         every = [(each, self._modules.module(each.module)) for each in self.symbols]
-        facts = [(each, module, self.facts(module, one)) for each, module in every for one in self.statements(each)]
-        opened = {symbol: set(each.opens) for symbol, _, each in facts if each.opens}
-        passes = [(symbol, module, passed) for symbol, module, each in facts for passed in each.passes]
-        before = -1
-        while before != sum(map(len, opened.values())):
-            before = sum(map(len, opened.values()))
-            for symbol, module, passed in passes:
-                if passed.function in opened and self._parameter(passed) in opened[passed.function]:
-                    if passed.is_fixed:
-                        error = unnamed_file(f"what is given to {passed.function.name}()")
-                        self._refuse(located(error, f"{module.home.where}:{passed.line}"), symbol)
-                    opened.setdefault(symbol, set()).update(passed.parameters)
-
-    def _parameter(self, passed: Passed) -> str | None:
-        if isinstance(passed.place, str):
-            return passed.place
-        statement = self._modules.module(passed.function.module).symbols[passed.function.name][-1]
-        if not isinstance(statement.node, ast.FunctionDef | ast.AsyncFunctionDef):
-            return None
-        arguments = [*statement.node.args.posonlyargs, *statement.node.args.args]
-        return arguments[passed.place].arg if passed.place < len(arguments) else None
+        facts = [(each, self.facts(module, one)) for each, module in every for one in self.statements(each)]
+        if (found := file_passed_on(self._modules, facts)) is not None:
+            symbol, passed = found
+            error = unnamed_file(f"what is given to {passed.function.name}()")
+            where = self._modules.module(symbol.module).home.where
+            self._refuse(located(error, f"{where}:{passed.line}"), symbol)
 
     # -- who else changes what is in reach
 
