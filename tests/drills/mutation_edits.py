@@ -98,8 +98,10 @@ def mutable(node: ast.AST) -> bool:
             return True
         case ast.Expr(value=value):
             return not isinstance(value, ast.Constant)
+        case ast.BinOp(op=operator) | ast.BoolOp(op=operator) | ast.UnaryOp(op=operator) | ast.Compare(ops=[operator]):
+            return type(operator) in OPERATORS  # the parser shares operators: only what holds one has a place
         case _:
-            return type(node) in OPERATORS
+            return False
 
 
 def mutate(source: str, place: Place) -> Mutation:
@@ -124,8 +126,10 @@ def mutate(source: str, place: Place) -> Mutation:
             node.value = None
         case ast.stmt():
             _replace(parents[id(node)], node, ast.Pass())
-        case _:
-            _replace(parents[id(node)], node, OPERATORS[type(node)]())
+        case ast.BinOp() | ast.BoolOp() | ast.UnaryOp():
+            node.op = OPERATORS[type(node.op)]()  # type: ignore[assignment]
+        case ast.Compare():
+            node.ops = [OPERATORS[type(node.ops[0])]()]  # type: ignore[list-item]
     return Mutation(what, ast.unparse(ast.fix_missing_locations(tree)))
 
 

@@ -216,8 +216,8 @@ def test_a_refusal_tells_the_way(tmp_path: Path) -> None:
 
 PARAMS = """
 from __future__ import annotations
-from typing import ClassVar
-from pydantic import BaseModel, Field, PrivateAttr, field_validator
+from typing import Annotated, ClassVar
+from pydantic import AfterValidator, BaseModel, Field, PrivateAttr, computed_field, field_validator, model_validator
 class Way:
     def go(self): return 1
 class P(BaseModel):
@@ -230,6 +230,14 @@ class P(BaseModel):
     @field_validator("a")
     @classmethod
     def check(cls, value): return value + 6
+    @property
+    def more(self): return self.a + 7
+    @computed_field
+    def most(self) -> int: return self.a + 8
+    def text(self): return f"{self.a} and 9"
+    @model_validator(mode="after")
+    def whole(self): return self if self.a < 11 else None
+    kept: Annotated[int, AfterValidator(lambda value: value + 12)] = 13
 def f(params: P): return params.a
 """
 
@@ -247,6 +255,12 @@ def f(params: P): return params.a
         ("PrivateAttr(4)", "PrivateAttr(40)", True),
         ("other = 5", "other = 50", True),
         ("value + 6", "value + 60", True),
+        ("self.a + 7", "self.a + 70", True),
+        ("self.a + 8", "self.a + 80", True),
+        ("and 9", "and 90", True),
+        ("self.a < 11", "self.a < 110", True),
+        ("value + 12", "value + 120", False),  # what it makes of a value is in the key
+        ("= 13", "= 130", False),
         ("class P(BaseModel)", "class P(BaseModel, frozen=True)", True),
     ],
 )

@@ -82,6 +82,21 @@ def _calls_a_value(node: ast.FunctionDef, methods: Mapping[str, ast.FunctionDef]
     return False
 
 
+def may_act_on_subclasses(modules: Modules, symbol: Symbol, within: frozenset[Symbol] = frozenset()) -> bool:
+    """Say whether a symbol may run code of its own when a class is derived from it; if it is no class, it may."""
+    module = modules.module(symbol.module)
+    for each in module.symbols[symbol.name]:
+        if not isinstance(each.node, ast.ClassDef) or each.node.keywords:
+            return True
+        if any(isinstance(item, ast.FunctionDef) and item.name == "__init_subclass__" for item in each.node.body):
+            return True
+        bases = [target_of(modules, module, base) for base in each.node.bases]
+        own = [base for base in bases if isinstance(base, Symbol) and base not in within]
+        if any(may_act_on_subclasses(modules, base, within | {symbol}) for base in own):
+            return True
+    return False
+
+
 def _base_only_stores(modules: Modules, module: Module, base: ast.expr, within: frozenset[Symbol]) -> bool:
     if isinstance(base, ast.Subscript):
         base = base.value

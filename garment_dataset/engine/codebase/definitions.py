@@ -6,6 +6,7 @@ import ast
 import sys
 from typing import TYPE_CHECKING, Any
 
+from garment_dataset.engine.codebase.classes import may_act_on_subclasses
 from garment_dataset.engine.codebase.modules import ModuleRef, Symbol
 from garment_dataset.engine.codebase.scopes import (
     CLASS,
@@ -65,12 +66,14 @@ def _class(writer: Writer, node: ast.ClassDef, _role: int) -> None:
     around = names.owner, writer.shared
     writer.out.append(f"(ClassDef {node.name!a}")
     writer.field("decorators", node.decorator_list, CALLED)
-    _note_activity(writer, [*node.decorator_list, *node.bases, *node.keywords])
+    _note_activity(writer, [*node.decorator_list, *node.keywords])
+    names.facts.is_active = names.facts.is_active or (bool(node.bases) and not names.is_later)
     bindings = bindings_of(node.body, writer.module.home)
     _refuse_global_writes(writer, bindings, node)
     with writer.inside(TYPES, type_parameter_bindings(node)):
         writer.field("types", list(getattr(node, "type_params", ())))
-        writer.field("bases", node.bases, CALLED)
+        is_acted_on = any(_acts_on_subclasses(writer, base) for base in node.bases)
+        writer.field("bases", node.bases, CALLED if is_acted_on else HELD)
         writer.field("keywords", node.keywords, CALLED | GIVEN)
         if is_top:
             names.owner, writer.shared = Symbol(writer.module.name, node.name), _shared_containers(node)
@@ -80,6 +83,11 @@ def _class(writer: Writer, node: ast.ClassDef, _role: int) -> None:
             names.is_in_fieldless = False
     names.owner, writer.shared = around
     writer.out.append(")")
+
+
+def _acts_on_subclasses(writer: Writer, base: ast.expr) -> bool:
+    target = writer.target(base)
+    return not isinstance(target, Symbol) or may_act_on_subclasses(writer.names.modules, target)
 
 
 def _shared_containers(node: ast.ClassDef) -> frozenset[str]:

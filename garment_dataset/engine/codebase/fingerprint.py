@@ -11,10 +11,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Literal
 
 from garment_dataset.engine.canonical import digest
+from garment_dataset.engine.codebase.changes import EFFECTS
 from garment_dataset.engine.codebase.index import Index
 from garment_dataset.engine.codebase.libraries import library_versions
 from garment_dataset.engine.codebase.modules import Modules, Symbol, with_parents
-from garment_dataset.engine.codebase.reach import EFFECTS, Reach
+from garment_dataset.engine.codebase.reach import Reach
 from garment_dataset.engine.codebase.uses import NOW
 from garment_dataset.engine.errors import UntraceableCodeError
 
@@ -26,6 +27,8 @@ __all__ = ["CodeBase", "Fingerprint", "changed_parts", "fingerprint", "library_v
 
 _VERSION = "code/1"
 _PART_DIGITS = 16
+_ACTING = "<changes>"
+"""Stands for the statements that change variables from elsewhere, where the name of a variable would stand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -115,6 +118,7 @@ class CodeBase:
         }
         if module.effects and symbol.name != EFFECTS:
             several[EFFECTS] = [each.index for each in module.effects]
+        acting = reach.ordered(module)
         made = []
         for each in reach.statements(symbol):
             facts = reach.facts(module, each)
@@ -124,12 +128,15 @@ class CodeBase:
                 for name, indices in sorted(several.items())
                 if facts.is_active or facts.uses.get(Symbol(module.name, name), 0) & NOW
             ]
+            if acting and (facts.is_active or each.index in acting):
+                places.append([_ACTING, sum(index < each.index for index in acting)])
             made.append([facts.digest, each.is_for_checkers, places])
         return digest("symbol/1", made)
 
     def _import_order(self, reach: Reach) -> list[str]:
-        """Return the modules with effects, in the order in which importing the entry's module runs them."""
+        """Return the modules that act when they are imported, in the order in which importing the entry's runs them."""
         order: dict[str, None] = {}
+        crossing = reach.crossing()
         seen: set[str] = set()
 
         def visit(names: Iterable[str]) -> None:
@@ -139,7 +146,7 @@ class CodeBase:
                     module = self._modules.module(name)
                     for target, _ in module.loads:
                         visit(self._modules.loaded(target))
-                    if module.effects:
+                    if module.effects or name in crossing:
                         order[name] = None
 
         visit(with_parents(reach.entry.module))

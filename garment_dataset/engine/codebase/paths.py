@@ -110,7 +110,9 @@ class Origins:
             case ast.Attribute(value=ast.Constant() | ast.JoinedStr()) if target is None:
                 return _arguments(node)  # "{}/x".format(path), "".join([path])
             case ast.Attribute(value=value) if target is None:
-                return [value]
+                owner = self._target(value)
+                is_object = isinstance(owner, Symbol) and self._is_object(owner)
+                return _arguments(node) or [value] if is_object else [value]
             case _:
                 return None
 
@@ -136,11 +138,13 @@ class Origins:
         return self._results[node]
 
     def _is_reference_fixed(self, node: ast.Name | ast.Attribute, target: Target | None) -> bool:
-        if isinstance(target, Symbol):
-            return not self._is_object(target)
-        if target is None and isinstance(node, ast.Name):
-            return node.id == PARAMETERS or (node.id == "self" and self._names.is_in_fieldless)
-        return target is not None
+        if target is not None or not isinstance(node, ast.Name):
+            return target is not None
+        if node.id == PARAMETERS or (node.id == "self" and self._names.is_in_fieldless):
+            return True
+        scope = self._names.scope.find(node.id)
+        default = None if scope is None else _default_of(scope.node, node.id)
+        return default is not None and self.is_fixed(default)
 
     def _is_leaf_path(self, leaf: ast.expr) -> bool:
         match leaf:
@@ -149,7 +153,9 @@ class Origins:
                 return isinstance(target, External) and target.dotted.startswith("pathlib.")
             case ast.Name() | ast.Attribute():
                 target = self._target(leaf)
-                return self._holds_paths(target) if isinstance(target, Symbol) else isinstance(leaf, ast.Name)
+                if isinstance(target, Symbol):
+                    return self._holds_paths(target) and not self._is_object(target)
+                return isinstance(leaf, ast.Name)
             case _:
                 return False
 
@@ -201,6 +207,19 @@ def _gives_its_first(dotted: str) -> bool:
 
 def _arguments(node: ast.Call) -> list[ast.expr]:
     return [*node.args, *(word.value for word in node.keywords)]
+
+
+def _default_of(node: ast.AST | None, name: str) -> ast.expr | None:
+    """Return the default of a function's parameter."""
+    if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda):
+        return None
+    positional = [*node.args.posonlyargs, *node.args.args]
+    with_default = positional[len(positional) - len(node.args.defaults) :]
+    pairs = [*zip(with_default, node.args.defaults, strict=True)]
+    pairs += [
+        (each, default) for each, default in zip(node.args.kwonlyargs, node.args.kw_defaults, strict=True) if default
+    ]
+    return next((default for each, default in pairs if each.arg == name), None)
 
 
 def path_argument(node: ast.Call) -> ast.expr | None:

@@ -19,8 +19,11 @@ from garment_dataset.engine.codebase.world import (
 )
 
 if TYPE_CHECKING:
-    from garment_dataset.engine.codebase.modules import Target
+    from collections.abc import Sequence
+
+    from garment_dataset.engine.codebase.modules import Modules, Target
     from garment_dataset.engine.codebase.paths import Origins
+    from garment_dataset.engine.codebase.references import Facts
     from garment_dataset.engine.codebase.writer import Writer
 
 
@@ -94,3 +97,46 @@ def _note_passed(writer: Writer, origins: Origins, node: ast.Call, function: Sym
 
 def _arguments(node: ast.Call) -> list[ast.expr]:
     return [*node.args, *(word.value for word in node.keywords)]
+
+
+def file_passed_on(modules: Modules, facts: Sequence[tuple[Symbol, Facts]]) -> tuple[Symbol, Passed] | None:
+    """Return a call that gives a function, for a file that it or one it calls opens, a path made of no argument.
+
+    Parameters
+    ----------
+    modules : Modules
+        All first-party code.
+    facts : sequence of (Symbol, Facts)
+        What the statements in reach say.
+
+    Returns
+    -------
+    (Symbol, Passed) or None
+        Whose code the call stands in, and what it gives.
+    """
+    opened = {symbol: set(each.opens) for symbol, each in facts if each.opens}
+    passes = [(symbol, passed) for symbol, each in facts for passed in each.passes]
+    before = -1
+    while before != sum(map(len, opened.values())):
+        before = sum(map(len, opened.values()))
+        for symbol, passed in passes:
+            if passed.function in opened and _parameter(modules, passed) in opened[passed.function]:
+                if passed.is_fixed:
+                    return symbol, passed
+                opened.setdefault(symbol, set()).update(passed.parameters)
+    return None
+
+
+def _parameter(modules: Modules, passed: Passed) -> str | None:
+    """Return the name of the parameter that a call gives something for."""
+    if isinstance(passed.place, str):
+        return passed.place
+    node: ast.AST = modules.module(passed.function.module).symbols[passed.function.name][-1].node
+    skipped = 0
+    if isinstance(node, ast.ClassDef):
+        makers = (each for each in node.body if isinstance(each, ast.FunctionDef) and each.name == "__init__")
+        node, skipped = next(makers, node), 1
+    if not isinstance(node, ast.FunctionDef | ast.AsyncFunctionDef):
+        return None
+    arguments = [*node.args.posonlyargs, *node.args.args][skipped:]
+    return arguments[passed.place].arg if passed.place < len(arguments) else None

@@ -26,7 +26,7 @@ repr round str type
 """
 _PURE_BUILTINS = frozenset(f"builtins.{name}" for name in _PURE.split())
 _GOING_THROUGH = "all any dict enumerate frozenset iter list max min reversed set sorted sum tuple zip"
-_GOING_THROUGH_BUILTINS = frozenset(f"builtins.{name}" for name in _GOING_THROUGH.split())
+_GOING_THROUGH_BUILTINS = frozenset(f"builtins.{name}" for name in _GOING_THROUGH.split()) | {"numpy.array"}
 _IMPLICIT = frozenset({"__class__", "__module__", "__qualname__"})
 
 

@@ -224,11 +224,19 @@ class Scope:
 
     @property
     def is_outermost(self) -> bool:
-        """Whether it is that of a function at the top of a module."""
+        """Whether it is that of a function at the top of a module, or of ``__init__`` of a class there."""
+        around = self.around
+        if around is not None and around.kind == CLASS and self.function == "__init__":
+            around = around.around
+        return self.kind == FUNCTION and (around is None or around.kind == MODULE)
+
+    @property
+    def around(self) -> Scope | None:
+        """The scope around that is not one of type parameters."""
         around = self.parent
         while around is not None and around.kind == TYPES:
             around = around.parent
-        return self.kind == FUNCTION and (around is None or around.kind == MODULE)
+        return around
 
     @property
     def function(self) -> str | None:
