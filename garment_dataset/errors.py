@@ -15,6 +15,7 @@ from garment_dataset.engine.errors import (
     StoreError,
     TableError,
     UntraceableCodeError,
+    printable,
 )
 from garment_dataset.engine.errors import ReportedError as GarmentError
 
@@ -43,6 +44,7 @@ __all__ = [
     "did_you_mean",
     "nearest_word",
     "one_of",
+    "printable",
 ]
 
 
