@@ -8,7 +8,7 @@ import warnings
 import typer
 
 from garment_dataset.cli import build, catalog, diff, doctor, mask, new, score, show, simulate, status, workspace
-from garment_dataset.cli.output import say, show_warning
+from garment_dataset.cli.output import say, show_warning, take_any_text
 from garment_dataset.errors import GarmentError
 
 app = typer.Typer(
@@ -37,6 +37,7 @@ app.add_typer(new.app, name="new")
 
 def main() -> None:
     """Run the command; what a user caused is one line, a bug keeps its traceback."""
+    take_any_text()
     warnings.showwarning = show_warning
     try:
         app()
