@@ -19,6 +19,7 @@ from garment_dataset.engine.errors import (
     StoreError,
     TableError,
     UntraceableCodeError,
+    printable,
 )
 from garment_dataset.engine.errors import ReportedError as GarmentError
 
@@ -51,6 +52,7 @@ __all__ = [
     "did_you_mean",
     "nearest_word",
     "one_of",
+    "printable",
 ]
 
 

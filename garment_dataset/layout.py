@@ -6,17 +6,16 @@ are told where.
 
 from __future__ import annotations
 
-import re
-import reprlib
+import os
 import shutil
-import tomllib
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING
 
 from pydantic import BaseModel, ConfigDict, ValidationError
 
-from garment_dataset.errors import WorkspaceError, did_you_mean, one_of
+from garment_dataset.errors import WorkspaceError
+from garment_dataset.files import first_fault, read_toml
 
 if TYPE_CHECKING:
     from typing import Self
@@ -120,10 +119,11 @@ class Layout:
         Raises
         ------
         WorkspaceError
-            If its garment.toml cannot be read.
+            If its garment.toml cannot be read, or names a path that cannot be one.
         """
         settings = _read_settings(root / SETTINGS)
         paths = settings.paths
+        _refuse_paths(root, paths)
         return cls(
             root=root,
             catalog_dir=root / paths.catalog,
@@ -192,64 +192,20 @@ def nearest_catalog(start: Path) -> Path:
     return packaged_workspace() / "catalog" if root is None else Layout.at(root).catalog_dir
 
 
-def read_toml(path: Path) -> dict[str, Any]:
-    """Read a TOML file; editors on Windows put a byte order mark in front.
-
-    Raises
-    ------
-    OSError
-        If it cannot be read.
-    ValueError
-        If it is no TOML, or not in UTF-8.
-    """
-    return tomllib.loads(path.read_text("utf-8-sig"))
-
-
-class Fault(NamedTuple):
-    """The first thing wrong with what a file says: which entry, what it may be, what it is, and what may be meant."""
-
-    entry: str
-    expected: str
-    found: str | None
-    hint: str | None
-
-
-def first_fault(error: ValidationError, model: type[BaseModel]) -> Fault:
-    """Return what is wrong with a file's entries; a name that is not known comes before one that is missing.
-
-    Parameters
-    ----------
-    error : ValidationError
-        Of the model, which has at least one error.
-    model : type of BaseModel
-        What the file was read as.
-    """
-    faults = error.errors(include_url=False)
-    fault = next((each for each in faults if each["type"] == "extra_forbidden"), faults[0])
-    entry, kind = ".".join(str(part) for part in fault["loc"]), fault["type"]
-    last, found = str(fault["loc"][-1]) if fault["loc"] else "", reprlib.repr(fault.get("input"))
-    if kind == "extra_forbidden":
-        known = _fields_at(model, fault["loc"][:-1])
-        return Fault(entry, one_of(known), repr(last), did_you_mean(last, known))
-    if kind == "literal_error":
-        known = re.findall(r"'([^']*)'", fault["ctx"]["expected"])
-        return Fault(entry, one_of(known), found, did_you_mean(str(fault["input"]), known))
-    return Fault(entry, fault["msg"], None if kind == "missing" else found, None)
-
-
-def _fields_at(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:
-    """Return the names that a table of a file may have."""
-    for part in path:
-        field = model.model_fields.get(str(part))
-        inner = None if field is None else field.annotation
-        if not isinstance(inner, type) or not issubclass(inner, BaseModel):
-            return []
-        model = inner
-    return list(model.model_fields)
+def _refuse_paths(root: Path, paths: _Paths) -> None:
+    """Refuse a path that cannot be that of a folder, whether or not there is one."""
+    for name, path in paths:
+        try:
+            (root / path).stat()
+        except (FileNotFoundError, NotADirectoryError, PermissionError):
+            pass  # who needs it says so
+        except (OSError, ValueError) as error:
+            found = error.strerror if isinstance(error, OSError) else error
+            raise WorkspaceError(f"no path for {name!r}", where=root / SETTINGS, found=f"{path}: {found}") from error
 
 
 def _read_settings(path: Path) -> _Settings:
-    if not path.is_file():
+    if not os.path.lexists(path):
         return _Settings()
     try:
         return _Settings.model_validate(read_toml(path))

@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from garment_dataset import errors
-from garment_dataset.errors import BagError, GarmentError
+from garment_dataset.errors import BagError, GarmentError, did_you_mean, nearest_word, one_of
 
 KINDS = [kind for _, kind in inspect.getmembers(errors, inspect.isclass) if issubclass(kind, GarmentError)]
 PART = st.none() | st.text(min_size=1, max_size=20)
@@ -38,3 +38,32 @@ def test_every_kind_is_documented_and_has_an_exit_code() -> None:
     for kind in KINDS:
         assert kind.__doc__
         assert kind.exit_code in {1, 2, 4}
+
+
+@pytest.mark.parametrize(
+    "part",
+    ["two\nlines", "\x1b[31mred", "a\x00b", "\udcff", "\u2028", "\u202eleft", "x" * 10_000, "a," * 10_000, "é 雨 ×"],
+)
+def test_a_message_is_one_line_that_can_be_printed(part: str) -> None:
+    error = GarmentError(f"what {part}", where=part, expected=part, found=part, hint=part)
+    text = str(error)
+    assert text.isprintable()
+    assert len(text.splitlines()) == 1
+    assert len(text) < 5 * 600
+    assert text.encode().decode() == text
+    assert str(GarmentError("é 雨 ×")) == "é 雨 ×", "letters stay letters"
+
+
+@pytest.mark.parametrize(
+    ("word", "nearest"), [("greentowel", "GreenTowel"), ("RedSkrt", "RedSkirt"), ("Q", None), ("", None)]
+)
+def test_the_nearest_word_is_found_whatever_its_case(word: str, nearest: str | None) -> None:
+    known = ["GreenTowel", "RedSkirt"]
+    assert nearest_word(word, known) == nearest
+    assert did_you_mean(word, known, "garment=") == (nearest and f"Did you mean garment={nearest}?")
+
+
+def test_what_is_allowed_is_named_or_counted() -> None:
+    assert one_of([]) == "nothing: there is none"
+    assert one_of(["a", "b"]) == "one of a, b"
+    assert one_of(str(number) for number in range(1000)) == "one of the 1000 that there are"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import os
 import warnings
 from dataclasses import dataclass
 from functools import cached_property
@@ -25,6 +26,7 @@ from garment_dataset.catalog.rows import (
 )
 from garment_dataset.catalog.tables import Background, Garment, Holding, Recording, Tables, read_tables
 from garment_dataset.errors import CatalogError, DataWarning, FilterError, nearest_word
+from garment_dataset.files import read_text
 from garment_dataset.layout import nearest_catalog
 
 if TYPE_CHECKING:
@@ -291,6 +293,6 @@ class Catalog:
         """
         path = self.folder / "topics" / f"{number}.txt"
         try:
-            return tuple(path.read_text("utf-8-sig").split()) if path.is_file() else None
-        except (OSError, UnicodeDecodeError) as error:
+            return tuple(read_text(path).split()) if os.path.lexists(path) else None
+        except (OSError, ValueError) as error:
             raise CatalogError("cannot be read", where=path, expected="text in UTF-8", found=error) from error

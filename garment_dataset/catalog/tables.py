@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import io
+import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated, Any, ClassVar, TypeVar
 
@@ -24,6 +25,7 @@ from pydantic import (
 
 from garment_dataset.catalog.names import RecordingName, parse_bag_name
 from garment_dataset.errors import CatalogError, RecordingNameError, did_you_mean
+from garment_dataset.files import read_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -198,7 +200,7 @@ def read_tables(folder: Path) -> Tables:
 
 def _read_backgrounds(path: Path, problems: list[TableProblem]) -> tuple[Background, ...]:
     """Read the rows that make sense; one that does not is no background at all, rather than another one."""
-    if not path.exists():
+    if not os.path.lexists(path):
         return ()
     sound: list[Background] = []
     for line, row in _read(path, Background, ("topics_file",), problems):
@@ -263,8 +265,7 @@ def _lines(path: Path, model: type[Row], problems: list[TableProblem]) -> Iterat
     """Yield the number and the cells of every line under a sound header."""
     columns = ",".join(model.model_fields)
     try:
-        # Spreadsheets put a byte order mark in front.
-        reader = csv.reader(io.StringIO(path.read_text("utf-8-sig"), newline=""), strict=True)
+        reader = csv.reader(io.StringIO(read_text(path), newline=""), strict=True)
         header = next(reader, [])
         if (complaint := _header_complaint(header, model)) is not None:
             found, hint = repr(",".join(header)), _header_hint(header, model)
@@ -282,7 +283,7 @@ def _lines(path: Path, model: type[Row], problems: list[TableProblem]) -> Iterat
             yield reader.line_num, {name: cell.strip() or None for name, cell in zip(header, cells, strict=True)}
     except FileNotFoundError:
         problems.append(TableProblem(path, "table missing", f"a CSV file with {columns}", "no file", path.name))
-    except (UnicodeDecodeError, OSError, csv.Error) as error:
+    except (ValueError, OSError, csv.Error) as error:
         problems.append(TableProblem(path, "not a CSV file in UTF-8", f"columns {columns}", str(error), path.name))
 
 

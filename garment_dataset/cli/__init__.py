@@ -22,7 +22,7 @@ from garment_dataset.cli import (
     storage,
     workspace,
 )
-from garment_dataset.cli.output import say, show_warning
+from garment_dataset.cli.output import say, show_warning, take_any_text
 from garment_dataset.errors import GarmentError
 
 app = typer.Typer(
@@ -55,6 +55,7 @@ app.add_typer(new.app, name="new")
 
 def main() -> None:
     """Run the command; what a user caused is one line, a bug keeps its traceback."""
+    take_any_text()
     warnings.showwarning = show_warning
     try:
         app()

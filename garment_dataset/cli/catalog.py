@@ -19,7 +19,7 @@ from garment_dataset.cli.output import (
     print_table,
     say,
 )
-from garment_dataset.errors import GarmentError
+from garment_dataset.errors import GarmentError, printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -112,7 +112,7 @@ def lint_(
         print_json({"counts": counts, "findings": [dataclasses.asdict(finding) for finding in findings]})
     else:
         for line in _report(catalog, findings):
-            print(line.replace(f"{place.root}/", ""))
+            print(printable(line.replace(f"{place.root}/", "")))
         agreed = f"no such finding among {len(everything)}" if everything else "names, tables and folder agree"
         print(", ".join(f"{count} {code}" for code, count in counts.items()) or agreed)
     if findings:

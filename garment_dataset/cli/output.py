@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import io
 import json
 import sys
 from pathlib import Path
@@ -29,6 +30,13 @@ FiltersArgument = Annotated[
         metavar="FILTERS", help="Which recordings: key=value[,value] terms and name globs.", show_default=False
     ),
 ]
+
+
+def take_any_text() -> None:
+    """Let what the terminal's encoding has no letters for be written as escapes: file names may hold any bytes."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="backslashreplace")
 
 
 def print_json(value: object) -> None:

@@ -8,6 +8,9 @@ from __future__ import annotations
 
 from typing import ClassVar
 
+_MAX_PART = 500
+"""Letters of one part of a message: enough for every path and list that a person wants to read."""
+
 
 class ReportedError(Exception):
     """Root of everything a user can cause or mend.
@@ -43,17 +46,18 @@ class ReportedError(Exception):
         self.hint = hint
 
     def __str__(self) -> str:
-        text = self.what if self.where is None else f"{self.where}: {self.what}"
+        what = _plain(self.what)
+        text = what if self.where is None else f"{_plain(self.where)}: {what}"
         facts = [
-            f"{label} {value}"
+            f"{label} {_plain(value)}"
             for label, value in (("expected", self.expected), ("found", self.found))
             if value is not None
         ]
         if facts:
             text += ": " + ", ".join(facts)
         if self.hint:
-            text += f". {self.hint}"
-        return " ".join(text.split())
+            text += f". {_plain(self.hint)}"
+        return text
 
     def __reduce__(self) -> tuple[object, ...]:
         """Cross a process boundary whole: pickle's default would lose the keyword-only parts."""
@@ -69,6 +73,19 @@ class ReportedError(Exception):
             "found": self.found,
             "hint": self.hint,
         }
+
+
+def _plain(text: str) -> str:
+    """Write one part of a message on one line, whatever a file held: no control letters, and not all of a long cell."""
+    text = " ".join(text.split())
+    if len(text) > _MAX_PART:
+        text = f"{text[: _MAX_PART - 150]} [...] {text[-140:]}"
+    return printable(text)
+
+
+def printable(text: str) -> str:
+    """Return a text with control letters, and bytes of a file name that are no letters, written as escapes."""
+    return text if text.isprintable() else "".join(each if each.isprintable() else ascii(each)[1:-1] for each in text)
 
 
 def _rebuild(kind: type[ReportedError], state: dict[str, object], args: tuple[str, ...]) -> ReportedError:

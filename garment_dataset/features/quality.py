@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.features.reading import open_features, variant_folder
+from garment_dataset.errors import StoreError
+from garment_dataset.features.reading import open_features, result_files, variant_folder
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -53,15 +54,24 @@ class RecordingQuality:
 
 
 def read_quality(folder: Path, variant: str = "") -> dict[str, RecordingQuality]:
-    """Return what the table ``quality`` says of every recording that was built; nothing where there is none."""
-    if not (variant_folder(folder, variant) / "quality").is_dir():
-        return {}
-    # not by load_features: `garment list` does without pandas
+    """Return what the table ``quality`` says of every recording that was built; nothing where there is none.
+
+    Raises
+    ------
+    StoreError
+        If it is there and cannot be read.
+    """
+    place = variant_folder(folder, variant) / "quality"
     columns = ["recording", "stage", "verdict", "why", "coverage", "bridged", "noise_m"]
     found: dict[str, list[dict[str, Any]]] = {}
-    for row in open_features("quality", folder=folder, variant=variant).to_table(columns).to_pylist():
-        found.setdefault(row["recording"], []).append(row)
-    return {name: _summary(rows) for name, rows in sorted(found.items())}
+    try:
+        # not by load_features: `garment list` does without pandas
+        if place.is_dir() and result_files(place.parent, place.name):
+            for row in open_features("quality", folder=folder, variant=variant).to_table(columns).to_pylist():
+                found.setdefault(row["recording"], []).append(row)
+        return {name: _summary(rows) for name, rows in sorted(found.items())}
+    except (OSError, ValueError) as error:  # of the disk, of Arrow, and of verdicts that nobody gives
+        raise StoreError("results that cannot be read", where=place, found=error) from error
 
 
 def _summary(rows: Sequence[Mapping[str, Any]]) -> RecordingQuality:

@@ -20,7 +20,7 @@ from garment_dataset.errors import (
     did_you_mean,
     one_of,
 )
-from garment_dataset.layout import first_fault, read_toml
+from garment_dataset.files import first_fault, read_toml
 from garment_dataset.stages import Group
 
 if TYPE_CHECKING:

@@ -16,7 +16,7 @@ from garment_dataset.cli import app
 from garment_dataset.engine.events import Ending
 from garment_dataset.errors import GarmentError
 from garment_dataset.features.reading import load_features
-from garment_dataset.layout import read_toml
+from garment_dataset.files import read_toml
 from garment_dataset.workspace import Workspace
 
 if TYPE_CHECKING:

@@ -48,7 +48,19 @@ def test_settings_move_the_folders(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "message"), [("[paths", "not TOML"), ("[paths]\nbags = 'x'", "bags"), ("[path]\n", "'path'")]
+    ("text", "message"),
+    [
+        ("[paths", "not TOML"),
+        ("[paths]\nbags = 'x'", "bags"),
+        ("[path]\n", r"expected one of paths, stages, found 'path'\. Did you mean paths\?"),
+        ("[paths]\nfeatres = 'x'", r"'paths\.featres' is not .*found 'featres'\. Did you mean features\?"),
+        ("[stages]\nmodule = ['x']", r"Did you mean modules\?"),
+        ("x = " + "[" * 5000, "not TOML: found nested too deeply"),
+        ("a." * 200 + "a = 1", "not TOML: found a key of more than 100 parts"),
+        ("x = 1\n" * 200_000, "not TOML: found 1200000 bytes, and it may have 1000000"),
+        (f"[paths]\nfeatures = '{'x' * 5000}'", "no path for 'features': found .*too long"),
+        ('[paths]\nprivate = "a\\u0000b"', "no path for 'private': found .*null byte"),
+    ],
 )
 def test_settings_that_cannot_be_read_are_named(tmp_path: Path, text: str, message: str) -> None:
     made = Workspace.create(tmp_path / "ws")

@@ -1,0 +1,102 @@
+"""Files that a person writes: read whatever they are, and what is wrong with what they say."""
+
+from __future__ import annotations
+
+import re
+import reprlib
+import stat
+import tomllib
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from pydantic import BaseModel
+
+from garment_dataset.errors import did_you_mean, one_of
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from pydantic import ValidationError
+
+_MAX_DEPTH = 100
+"""Parts of a dotted key; the deepest that means something has three."""
+
+
+def read_text(path: Path, max_bytes: int = 100_000_000) -> str:
+    """Read a file that a person wrote; editors on Windows put a byte order mark in front.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read, or is no file: a pipe or a device would be waited for, or read for ever.
+    ValueError
+        If it has more bytes than such a file can have, or is not in UTF-8.
+    """
+    status = path.stat()
+    if not stat.S_ISREG(status.st_mode):
+        raise OSError("a folder" if stat.S_ISDIR(status.st_mode) else "a pipe or a device, and no file")
+    if status.st_size > max_bytes:
+        raise ValueError(f"{status.st_size} bytes, and it may have {max_bytes}")
+    return path.read_text("utf-8-sig")
+
+
+def read_toml(path: Path) -> dict[str, Any]:
+    """Read a TOML file.
+
+    Raises
+    ------
+    OSError
+        If it cannot be read.
+    ValueError
+        If it is no TOML, not in UTF-8, or of a depth that no reader of TOML can take in.
+    """
+    text = read_text(path, max_bytes=1_000_000)
+    # tomllib takes minutes over keys of very many parts
+    if max(map(len, (piece.split(".") for piece in re.split(r"[\n,=\[\]{}#]", text)))) > _MAX_DEPTH:
+        raise ValueError(f"a key of more than {_MAX_DEPTH} parts")
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise ValueError("nested too deeply") from None
+
+
+class Fault(NamedTuple):
+    """The first thing wrong with what a file says: which entry, what it may be, what it is, and what may be meant."""
+
+    entry: str
+    expected: str
+    found: str | None
+    hint: str | None
+
+
+def first_fault(error: ValidationError, model: type[BaseModel]) -> Fault:
+    """Return what is wrong with a file's entries; a name that is not known comes before one that is missing.
+
+    Parameters
+    ----------
+    error : ValidationError
+        Of the model, which has at least one error.
+    model : type of BaseModel
+        What the file was read as.
+    """
+    faults = error.errors(include_url=False)
+    fault = next((each for each in faults if each["type"] == "extra_forbidden"), faults[0])
+    entry, kind = ".".join(str(part) for part in fault["loc"]), fault["type"]
+    last, found = str(fault["loc"][-1]) if fault["loc"] else "", reprlib.repr(fault.get("input"))
+    if kind == "extra_forbidden":
+        known = _fields_at(model, fault["loc"][:-1])
+        return Fault(entry, one_of(known), repr(last), did_you_mean(last, known))
+    if kind == "literal_error":
+        known = re.findall(r"'([^']*)'", fault["ctx"]["expected"])
+        return Fault(entry, one_of(known), found, did_you_mean(str(fault["input"]), known))
+    return Fault(entry, fault["msg"], None if kind == "missing" else found, None)
+
+
+def _fields_at(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:
+    """Return the names that a table of a file may have."""
+    for part in path:
+        field = model.model_fields.get(str(part))
+        inner = None if field is None else field.annotation
+        if not isinstance(inner, type) or not issubclass(inner, BaseModel):
+            return []
+        model = inner
+    return list(model.model_fields)
