@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from garment_dataset.workspace import Workspace
     from tests.cli.conftest import Garment
 
+ONE = "garment=MyScarf"
 STAGE = '''
 """A stage of one's own, which takes its time."""
 
@@ -67,7 +68,7 @@ def add_stage(workspace: Workspace, **params: object) -> None:
 def test_a_cluster_makes_the_same_and_stops_when_told(workspace: Workspace, garment: Garment, tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="the extra dask is not installed")
     add_stage(workspace)
-    garment("build", cwd=workspace.root)
+    garment("build", ONE, cwd=workspace.root)
     local = feature_bytes(workspace)
     shutil.rmtree(workspace.features_dir)
     shutil.rmtree(workspace.private_dir)
@@ -75,11 +76,10 @@ def test_a_cluster_makes_the_same_and_stops_when_told(workspace: Workspace, garm
     folder.mkdir()
     with DaskCluster(folder) as cluster:
         cluster.start_worker()
-        cluster.start_worker()
         cluster.wait_for_workers()
-        options = ("--engine", "dask", "--scheduler", cluster.address)
+        options = (ONE, "--engine", "dask", "--scheduler", cluster.address)
         built = garment("build", "--json", *options, cwd=workspace.root)
-        assert json.loads(built.out)["counts"]["built"] == 12
+        assert json.loads(built.out)["counts"]["built"] == 4
         assert feature_bytes(workspace) == local
         assert "nothing to do" in garment("build", *options, cwd=workspace.root).err
 

@@ -97,8 +97,7 @@ def test_one_and_no_worker_make_the_same_bytes_where_a_library_would_use_several
     toy.edit(
         "squares.py",
         '    values = [params.factor * square(v) for v in numbers["value"].to_pylist()]\n',
-        "    noise = np.random.default_rng(3).normal(size=3_000_000)\n"
-        "    values = [square(float(noise @ noise))]\n",
+        "    noise = np.random.default_rng(3).normal(size=3_000_000)\n    values = [square(float(noise @ noise))]\n",
     )
     import numpy as np
 
