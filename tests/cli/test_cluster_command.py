@@ -84,7 +84,7 @@ def test_a_cluster_makes_the_same_and_stops_when_told(workspace: Workspace, garm
         assert "nothing to do" in garment("build", *options, cwd=workspace.root).err
 
         mark = tmp_path / "begun"
-        add_stage(workspace, seconds=60.0, mark=str(mark))
+        add_stage(workspace, seconds=300.0, mark=str(mark))
         command = [sys.executable, "-c", "from garment_dataset.cli import main; main()", "build", *options]
         with subprocess.Popen(command, cwd=workspace.root, stderr=subprocess.PIPE, text=True) as process:
             until = time.monotonic() + 60
@@ -92,7 +92,7 @@ def test_a_cluster_makes_the_same_and_stops_when_told(workspace: Workspace, garm
                 assert time.monotonic() < until
                 time.sleep(0.02)
             process.send_signal(signal.SIGINT)
-            _, said = process.communicate(timeout=20)
+            _, said = process.communicate(timeout=60)
         assert process.returncode == 130
         assert said == "garment: interrupted; what was finished is kept, `garment build` goes on from there\n"
         assert feature_bytes(workspace) == local
