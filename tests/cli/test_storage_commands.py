@@ -110,7 +110,7 @@ def test_gc_lists_first_and_removes_when_told(built: Workspace, garment: Garment
     before = parquet(built.features_dir)
     pipeline = built.pipelines_dir / "depth.toml"
     text = pipeline.read_text()
-    pipeline.write_text(text + "[params.kinematics]\nwindow_s = 0.5\n")
+    pipeline.write_text(text + "[params.kinematics]\nrest_frames = 7\n")
     counts(garment, built)
     pipeline.write_text(text)
     assert counts(garment, built) == {"fresh": 6, "linked": 3}
@@ -128,7 +128,7 @@ def test_gc_lists_first_and_removes_when_told(built: Workspace, garment: Garment
 def test_what_a_dropped_pipeline_left_is_named_everywhere_and_removed(built: Workspace, garment: Garment) -> None:
     pipeline = built.pipelines_dir / "depth.toml"
     text = pipeline.read_text()
-    (built.pipelines_dir / "wide.toml").write_text(f'variant = "wide"\n{text}[params.kinematics]\nwindow_s = 0.5\n')
+    (built.pipelines_dir / "wide.toml").write_text(f'variant = "wide"\n{text}[params.kinematics]\nrest_frames = 7\n')
     counts(garment, built)
     (built.pipelines_dir / "wide.toml").unlink()
     pipeline.write_text(text.replace(', "kinematics"', ""))
@@ -197,7 +197,7 @@ def test_what_is_stale_for_something_else_is_not_accepted(built: Workspace, garm
     ran = garment("accept", "all", "-m", "no reason", code=2, cwd=built.root)
     assert "nothing is stale for its code alone" in ran.err
     with (built.pipelines_dir / "depth.toml").open("a") as file:
-        file.write("[params.kinematics]\nwindow_s = 0.5\n")
+        file.write("[params.kinematics]\nrest_frames = 7\n")
     garment("accept", "kinematics", "-m", "no reason", code=2, cwd=built.root)
     assert counts(garment, built)["built"] == 3
 
@@ -216,7 +216,7 @@ def test_why_of_a_fresh_result_says_what_it_was_made_from(built: Workspace, garm
     for word in (
         "kinematics",
         "fresh",
-        "parameter window_s",
+        "parameter rest_frames",
         "code ",
         "library numpy",
         "library pyarrow",
