@@ -71,7 +71,8 @@ store = Store(root / "private", root / "features")
 plan = make_plan(graph, codes, store)
 if not plan.is_fresh:
     from garment_dataset.engine.executors import Pool, local_executor
-    from garment_dataset.engine.run import Options, Run
+    from garment_dataset.engine.options import Options
+    from garment_dataset.engine.run import Run
 
     run = Run(
         graph, plan, codes=codes, code_cache=cache, store=store, pool=Pool(lambda: local_executor(0)),

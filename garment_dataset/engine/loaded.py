@@ -17,7 +17,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
 
-_State = tuple[int, int, int, int]
+FileState = tuple[int, int, int, int]
+"""Size, times of the content and of the inode, and the inode: whoever edits a file changes one of them."""
 
 
 def content_state(path: str) -> str | None:
@@ -39,6 +40,16 @@ def state_of(content: bytes) -> str:
     return hashlib.blake2b(content, digest_size=12).hexdigest()
 
 
+def file_state(file: str) -> FileState | None:
+    """Return what a file system says of a file; None when it is gone."""
+    try:
+        stat = os.stat(file)  # noqa: PTH116
+    except OSError:
+        return None
+    # whoever sets the time of a file back cannot set that of its inode
+    return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
+
+
 def refresh_bytecode(files: Iterable[str]) -> None:
     """Have the compiled files of modules checked by content from now on, where Python would go by size and second."""
     for file in files:
@@ -55,8 +66,8 @@ class _Loaded:
     """By file: the module that was made of it, and the state of the file then; None: nobody can say."""
 
     def __init__(self) -> None:
-        self.states: dict[str, tuple[object, _State | None]] = {}
-        self.contents: dict[str, tuple[_State, str | None]] = {}
+        self.states: dict[str, tuple[object, FileState | None]] = {}
+        self.contents: dict[str, tuple[FileState, str | None]] = {}
         self.noted_ns = _started_ns()
 
     def note(self) -> None:
@@ -64,7 +75,7 @@ class _Loaded:
         for module in list(sys.modules.values()):
             file = getattr(module, "__file__", None)
             if isinstance(file, str) and file.endswith(".py") and self.states.get(file, (None,))[0] is not module:
-                state = _state_of(file)
+                state = file_state(file)
                 # edited and loaded since the last look: in which order?
                 is_sure = state is not None and max(state[1:3]) <= self.noted_ns
                 self.states[file] = module, state if is_sure else None
@@ -72,21 +83,12 @@ class _Loaded:
 
     def is_still(self, file: str, content: str) -> bool:
         """Say whether a file that was loaded has had a content all the time."""
-        state = _state_of(file)
+        state = file_state(file)
         if state is None or self.states[file][1] != state:
             return False
         if self.contents.get(file, (None,))[0] != state:
             self.contents[file] = state, content_state(file)
         return self.contents[file][1] == content
-
-
-def _state_of(file: str) -> _State | None:
-    try:
-        stat = os.stat(file)  # noqa: PTH116
-    except OSError:
-        return None
-    # whoever sets the time of a file back cannot set that of its inode
-    return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
 
 
 def _started_ns() -> int:

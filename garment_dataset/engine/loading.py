@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.engine.loaded import content_state, note_loaded
+from garment_dataset.engine.loaded import FileState, content_state, file_state, note_loaded
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -17,8 +17,10 @@ if TYPE_CHECKING:
 
 _TESTS = ("test_", "conftest")
 
-HOMES: dict[str, dict[str, str | None]] = {}
-"""The folders that modules were imported from, and the content of their files; one at a time is on Python's path."""
+_Seen = tuple[FileState | None, str | None]
+
+HOMES: dict[str, dict[str, _Seen]] = {}
+"""The folders that modules were imported from, and what their files were; one at a time is on Python's path."""
 
 
 def load_module(name: str, home: Path | None) -> ModuleType:
@@ -30,7 +32,7 @@ def load_module(name: str, home: Path | None) -> ModuleType:
         Dotted name.
     home : Path or None
         Folder that holds it, where it is not installed. What a long-lived process has loaded from this and other such
-        folders is forgotten when the folder is another one than before, or a file in it was edited since.
+        folders is forgotten when the folder is another one than before, or a file in it was written since.
     """
     note_loaded()
     if home is None:
@@ -62,11 +64,14 @@ def modules_of(home: Path) -> dict[str, Path]:
     return files | {path.parent.name: path.parent for path in sorted(home.glob("*/__init__.py"))}
 
 
-def _state_of(home: Path) -> dict[str, str | None]:
-    """Return the content of every file that a module of a folder may be made of, as digests."""
+def _state_of(home: Path) -> dict[str, _Seen]:
+    """Return state and content of every file that a module of a folder may be made of.
+
+    The state too, as only that tells later that what is loaded is what is there (:func:`edited_since_loaded`).
+    """
     places = modules_of(home).values()
     files = (file for place in places for file in (place.rglob("*.py") if place.is_dir() else (place,)))
-    return {str(file): content_state(str(file)) for file in files}
+    return {str(file): (file_state(str(file)), content_state(str(file))) for file in files}
 
 
 def _forget(homes: Iterable[str]) -> None:

@@ -6,7 +6,6 @@ import contextlib
 import uuid
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.errors import StorageError
@@ -26,30 +25,9 @@ if TYPE_CHECKING:
     from garment_dataset.engine.code import Code, CodeCache
     from garment_dataset.engine.executors import Pool
     from garment_dataset.engine.graph import Graph, Node, NodeId
+    from garment_dataset.engine.options import Options
     from garment_dataset.engine.plan import Plan
     from garment_dataset.engine.store import Store
-
-
-@dataclass(frozen=True)
-class Options:
-    """How a graph is run.
-
-    Parameters
-    ----------
-    slots : int
-        Number of tasks to keep running.
-    retry_failed : bool
-        Run again what failed before with the very same inputs.
-    forced : bool
-        Run everything, fresh or not.
-    orphans : frozenset of tuple of str
-        Published nodes that no graph has any more: one whose result goes on under another subject is withdrawn.
-    """
-
-    slots: int = 1
-    retry_failed: bool = False
-    forced: bool = False
-    orphans: frozenset[tuple[str, ...]] = frozenset()
 
 
 class Run:

@@ -178,7 +178,8 @@ class Session:
         emit: Callable[[Event], None] = lambda _: None,
     ) -> Report:
         """Act on the plan as it is now, under the lock: see :func:`garment_dataset.workspace.building.build`."""
-        from garment_dataset.engine.run import Options, Run
+        from garment_dataset.engine.options import Options
+        from garment_dataset.engine.run import Run
 
         plan = self.plan()
         subjects = {decision.node.subject for decision in plan if forced or decision.state is not State.FRESH}

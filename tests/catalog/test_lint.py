@@ -250,7 +250,8 @@ def test_findings_come_in_the_order_of_their_codes(workspace: Path, put: Callabl
     edit(workspace / "catalog" / "recordings.csv", "1,e,d,no", "1,z,d,no")
     put("a/My_Bag_1_R1.bag", "b/My_Bag_1_R1.bag", "My_Bag_1_B7.bag", "x.bag", "y.bag.active")
     codes = list(dict.fromkeys(finding.code for finding in findings_of(workspace)))
-    assert codes == list(SEVERITIES)
+    # what is orphaned, only the verb knows: it sees the results as well
+    assert codes == [code for code in SEVERITIES if code != "orphaned"]
 
 
 # The verbs

@@ -37,17 +37,16 @@ SLOW = TableSpec("slow", 1, "one", (Column("rows", "int64", "1", "number of rows
 
 class SlowParams(StageParams):
     seconds: float = 0.0
-    mark: str = ""
 
 
-def slow(frames: pa.Table, params: SlowParams):
-    if params.mark:
-        Path(params.mark).touch()
+def slow(bag: Path, frames: pa.Table, params: SlowParams):
+    if params.seconds:
+        bag.with_suffix(".begun").touch()
     time.sleep(params.seconds)
     return {"slow": SLOW.table({"rows": [frames.num_rows]})}
 
 
-STAGE = Stage(slow, params=SlowParams, outputs=(SLOW,))
+STAGE = Stage(slow, params=SlowParams, outputs=(SLOW,), sources={"bag"})
 '''
 
 
@@ -56,10 +55,14 @@ def feature_bytes(workspace: Workspace) -> dict[str, bytes]:
     return {path.relative_to(root).as_posix(): path.read_bytes() for path in sorted(root.glob("**/*.parquet"))}
 
 
-def add_stage(workspace: Workspace, **params: object) -> None:
+def add_stage(workspace: Workspace) -> None:
     (workspace.root / "stages").mkdir(exist_ok=True)
     (workspace.root / "stages" / "slow.py").write_text(STAGE)
     (workspace.root / "garment.toml").write_text('[stages]\nmodules = ["slow"]\n')
+    set_params(workspace)
+
+
+def set_params(workspace: Workspace, **params: object) -> None:
     lines = [f"{name} = {json.dumps(value)}" for name, value in params.items()]
     text = 'stages = ["decode", "slow"]\n\n[params.slow]\n' + "\n".join(lines) + "\n"
     (workspace.pipelines_dir / "slow.toml").write_text(text)
@@ -68,6 +71,10 @@ def add_stage(workspace: Workspace, **params: object) -> None:
 def test_a_cluster_makes_the_same_and_stops_when_told(workspace: Workspace, garment: Garment, tmp_path: Path) -> None:
     pytest.importorskip("distributed", reason="the extra dask is not installed")
     add_stage(workspace)
+    (bag,) = workspace.recordings_dir.glob("**/MyScarf*.bag")
+    shared = bag.resolve()
+    bag.unlink()
+    shutil.copy(shared, bag)
     garment("build", ONE, cwd=workspace.root)
     local = feature_bytes(workspace)
     shutil.rmtree(workspace.features_dir)
@@ -83,12 +90,12 @@ def test_a_cluster_makes_the_same_and_stops_when_told(workspace: Workspace, garm
         assert feature_bytes(workspace) == local
         assert "nothing to do" in garment("build", *options, cwd=workspace.root).err
 
-        mark = tmp_path / "begun"
-        add_stage(workspace, seconds=300.0, mark=str(mark))
-        command = [sys.executable, "-c", "from garment_dataset.cli import main; main()", "build", *options]
+        set_params(workspace, seconds=300.0)
+        command = [sys.executable, "-m", "garment_dataset", "build", *options]
         with subprocess.Popen(command, cwd=workspace.root, stderr=subprocess.PIPE, text=True) as process:
             until = time.monotonic() + 60
-            while not mark.exists():
+            while not bag.with_suffix(".begun").exists():
+                assert process.poll() is None, process.communicate(timeout=60)
                 assert time.monotonic() < until
                 time.sleep(0.02)
             process.send_signal(signal.SIGINT)

@@ -16,8 +16,9 @@ from garment_dataset.engine.events import Event, Report
 from garment_dataset.engine.executors import Pool, local_executor
 from garment_dataset.engine.graph import Graph, Node, NodeId
 from garment_dataset.engine.loaded import note_loaded
+from garment_dataset.engine.options import Options
 from garment_dataset.engine.plan import Plan, make_plan
-from garment_dataset.engine.run import Options, Run
+from garment_dataset.engine.run import Run
 from garment_dataset.engine.store import Store
 from garment_dataset.engine.table import Column, Label
 

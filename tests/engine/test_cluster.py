@@ -58,7 +58,7 @@ def build(toy: Toy, cluster: DaskCluster, slots: int | None = None) -> Report:
         roots=ROOTS | {"toy": toy.root / "toy"},
         homes=frozenset(),
         libraries=library_versions(["numpy", "pyarrow"]),
-        shared_dir=toy.private_dir / "scratch",
+        shared_dir=toy.private_dir,
     ) as (executor, workers):
         toy.executor = lambda _: executor
         return toy.build(slots or workers)
@@ -96,7 +96,7 @@ def test_the_bytes_are_those_of_a_local_build_and_failures_end_alike(toy: Toy, d
     assert {node: told(event) for node, event in report.events.items()} == {
         node: told(event) for node, event in local.events.items()
     }
-    assert list((toy.private_dir / "scratch").iterdir()) == []
+    assert list(toy.private_dir.glob("scratch/*")) == []
 
 
 def test_a_killed_worker_costs_nothing_and_a_task_that_kills_its_workers_only_itself(

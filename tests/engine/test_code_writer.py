@@ -40,7 +40,7 @@ def f(items, first, *rest, last=None, **more):
     for {5}, {6} in enumerate(items):
         if ({7} := helper({6})) > LIMIT:
             continue
-        with contextlib.suppress(ValueError) as {8}, open(last) as {9}:
+        with contextlib.suppress(ValueError) as {8}, contextlib.closing(last) as {9}:
             {1} += {9}.read(), {8}, {5}
         try:
             {10}: int = {4}.floor({7})
@@ -59,7 +59,7 @@ def f(items, first, *rest, last=None, **more):
             return {{{6}: {15} for {6} in {2}}}, {3}, more
 """
 FREE = {"np", "contextlib", "items", "first", "rest", "last", "more", "value", "scale", "item", "other", "f", "helper"}
-TAKEN = FREE | {"inner", "LIMIT", "enumerate", "open", "ValueError", "TypeError", "OSError", "RuntimeError", "int", "_"}
+TAKEN = FREE | {"inner", "LIMIT", "enumerate", "ValueError", "TypeError", "OSError", "RuntimeError", "int", "_"}
 
 names = st.from_regex(r"[a-z_][a-z0-9_]{0,8}", fullmatch=True).filter(
     lambda name: name not in TAKEN and not keyword.iskeyword(name) and not name.startswith("__")

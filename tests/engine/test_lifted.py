@@ -70,7 +70,8 @@ from lifted.code import CodeCache
 from lifted.executors import Pool, local_executor
 from lifted.graph import Graph, Node, NodeId
 from lifted.plan import make_plan
-from lifted.run import Options, Run
+from lifted.options import Options
+from lifted.run import Run
 from lifted.store import Store
 from lifted.table import Column, Label
 

@@ -14,6 +14,8 @@ import pytest
 from garment_dataset.engine.code import CodeCache
 from garment_dataset.engine.events import Ending
 from garment_dataset.engine.graph import NodeId
+from garment_dataset.engine.loaded import edited_since_loaded, state_of
+from garment_dataset.engine.loading import load_module
 from garment_dataset.engine.plan import State
 from tests.engine.conftest import ROOTS, Toy
 
@@ -78,6 +80,23 @@ def test_a_file_that_was_only_touched_is_fresh(toy: Toy) -> None:
     for path in (toy.root / "toy").glob("*.py"):
         os.utime(path, ns=(1, time.time_ns()))
     assert toy.plan().is_fresh
+
+
+def test_a_file_that_was_written_again_as_it_was_is_loaded_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A worker of a cluster outlives many builds: what it has loaded must not become a dead end."""
+    monkeypatch.setattr(sys, "path", list(sys.path))
+    file = tmp_path / "written_again.py"
+    file.write_text("VALUE = 1\n")
+    read = {str(file): state_of(file.read_bytes())}
+    first = load_module("written_again", tmp_path)
+    assert edited_since_loaded(read) is None
+    assert load_module("written_again", tmp_path) is first
+    file.write_text("VALUE = 1\n")
+    assert edited_since_loaded(read) == str(file)
+    assert load_module("written_again", tmp_path).VALUE == 1
+    assert edited_since_loaded(read) is None
 
 
 def test_two_installations_on_one_store_keep_their_own_fingerprints(toy: Toy, tmp_path: Path) -> None:

@@ -58,9 +58,10 @@ _SEEDED_CALLS = frozenset(
 )
 """Generators and what makes them: fine with a seed."""
 
-_ALLOWED = frozenset(["numpy.random.Generator", "numpy.random.BitGenerator", "http.HTTPStatus"]) | {
+_ALLOWED = frozenset({"numpy.random.Generator", "numpy.random.BitGenerator", "http.HTTPStatus"}) | {
     "tempfile.TemporaryFile",
     "tempfile.SpooledTemporaryFile",
+    "time.sleep",
 }
 _IN_ERRORS = frozenset({"tempfile.gettempdir"})
 """May be named in a ``raise``, where it tells a user where there is no room."""
