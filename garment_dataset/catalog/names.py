@@ -50,8 +50,8 @@ _CONVENTION = re.compile(
 _SWING = re.compile(r"(?:.*_)?pi(?P<divisor>[1-9][0-9]{0,2})")
 
 _MAX_FILE_NAME = 255
-_MAX_LENGTH = _MAX_FILE_NAME - len(".bag")
-"""No file system takes a longer name."""
+_MAX_LENGTH = _MAX_FILE_NAME - len(".parquet")
+"""Results are called as their recording is, and no file system takes a longer name."""
 
 _FORM = "<name>_<speed>[_<counter>]_<R|B><topics file>.bag"
 _EXAMPLE = "GreenTowel_Corner_01_pi16_0.5_R1.bag"
@@ -245,6 +245,9 @@ def _parts(found: re.Match[str]) -> tuple[str, str, str | None, Literal["R", "B"
 
 
 def _refusal(text: str) -> RecordingNameError:
+    if (length := len(text.removesuffix(".bag"))) > _MAX_LENGTH:
+        what, most = "a recording name that is too long", f"at most {_MAX_LENGTH} letters before .bag"
+        return RecordingNameError(what, expected=most, found=length, hint="Its results would be called as it is.")
     nearest = repair_name(text)
     hint = f"For example {_EXAMPLE}." if nearest is None else f"Did you mean {nearest}.bag?"
     return RecordingNameError("not a recording name", expected=_FORM, found=repr(text), hint=hint)

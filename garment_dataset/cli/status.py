@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, print_json, print_table, say
-from garment_dataset.errors import StoreError, UsageError
+from garment_dataset.errors import StoreError, UsageError, printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -235,8 +235,8 @@ def say_left_out(session: Session) -> None:
     found = session.catalog.found
     if found is None:
         return
-    left_out = [f"{path.name}: {error.what}" for path, error in found.refused]
-    left_out += [f"{path.name}: not finished" for path in found.unfinished]
+    left_out = [f"{printable(path.name)}: {error.what}" for path, error in found.refused]
+    left_out += [f"{printable(path.name)}: not finished" for path in found.unfinished]
     for text in left_out[:_SHOWN]:
         say(f"left out: {text} (`garment lint`)")
     if len(left_out) > _SHOWN:

@@ -161,7 +161,7 @@ def place(source: Path, target: Path, scratch_dir: Path) -> None:
             _link_or_copy(source, temporary)
         temporary.replace(target)
     except OSError as error:
-        hint = "Something else is in its place: move that away." if target.is_dir() else None
+        hint = "Something else is in its place: move that away." if os.path.isdir(target) else None  # noqa: PTH112 - whatever its name
         raise StorageError(
             "a result cannot be published", where=target, found=error.strerror or error, hint=hint
         ) from error

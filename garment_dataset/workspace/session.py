@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
@@ -13,7 +12,7 @@ from garment_dataset.engine.code import CodeCache
 from garment_dataset.engine.graph import NodeId
 from garment_dataset.engine.plan import State, make_plan
 from garment_dataset.engine.store import Store
-from garment_dataset.errors import FilterError, MissingExtraError, UsageError
+from garment_dataset.errors import FilterError, MissingExtraError, UsageError, did_you_mean, one_of
 from garment_dataset.workspace.graph import draw_graph
 from garment_dataset.workspace.known_stages import KnownStages
 from garment_dataset.workspace.pipelines import load_pipelines
@@ -123,8 +122,8 @@ class Session:
             if not wanted:
                 session.store.close()
                 names = [row.recording for row in session.catalog.rows] + [node.subject for node in session.graph]
-                if nearest := difflib.get_close_matches(name, names, n=1):
-                    raise FilterError(error.what, found=error.found, hint=f"Did you mean {nearest[0]}?") from error
+                if hint := did_you_mean(name, names):
+                    raise FilterError(error.what, found=error.found, hint=hint) from error
                 raise
             session.graph = session.graph.restricted_to(wanted)
             session._subject = name
@@ -150,9 +149,7 @@ class Session:
         known = [stage.name for stage in self.stages]
         for name in stages:
             if name not in known:
-                nearest = difflib.get_close_matches(name, known, n=1)
-                hint = f"Did you mean {nearest[0]!r}?" if nearest else None
-                raise UsageError(f"no stage {name!r}", expected=f"one of {known}", hint=hint)
+                raise UsageError(f"no stage {name!r}", expected=one_of(known), hint=did_you_mean(name, known))
         return graph.restricted_to(node.id for node in graph if node.stage.name in stages)
 
     @cached_property

@@ -176,6 +176,17 @@ def test_a_failure_keeps_the_old_result(toy: Toy) -> None:
     assert toy.files() == before
 
 
+def test_a_name_too_long_for_a_result_costs_its_own_subject_only(toy: Toy) -> None:
+    """A bag may be called what its results cannot: they end in .parquet, which has four letters more."""
+    longest, too_long = "n" * 247, "n" * 248
+    toy.source(longest, "6")
+    toy.source(too_long, "7")
+    report = toy.build(jobs=1)
+    assert toy.endings(report)["numbers built"] == ["a", "b", longest]
+    assert "File name too long" in report.events[NodeId("numbers", too_long)].message
+    assert toy.plan()[NodeId("numbers", longest)].state is State.FRESH
+
+
 def test_a_worker_that_dies_costs_its_own_subject_only(toy: Toy) -> None:
     toy.source("b", "4 die")
     toy.source("c", "6")

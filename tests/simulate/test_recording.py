@@ -218,6 +218,10 @@ def test_empty_scene_needs_no_gripper_and_can_be_compressed(tmp_path: Path, comp
         assert [record for record, _ in messages] == [record for record, _ in second[topic]]
     for (_, one), (_, other) in zip(first["/xtion1/rgb/image_raw"], second["/xtion1/rgb/image_raw"], strict=True):
         assert (one.data == other.data).all()
+    if compression == "lz4":
+        flags = [frame[0] for frame in packed.read_bytes().split(b"\x04\x22\x4d\x18")[1:]]
+        assert flags
+        assert all(flag & 0b100 for flag in flags), "no checksum of the content"
     assert not plain.with_suffix(".truth").exists()
     middle = depth_mm(first["/xtion1/depth/image_raw"][0][1])[100:400, 200:450]
     assert np.median(middle) == pytest.approx(1800, abs=10)
