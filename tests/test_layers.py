@@ -29,6 +29,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "view": {"bags", "catalog", "errors", "features", "layout"},
     "simulate": {"catalog", "engine", "errors"},
     "doctor": {"catalog", "engine", "layout"},
+    "checks": set(),
     "cli": {
         *("bags", "catalog", "doctor", "engine", "errors", "features", "layout", "score", "simulate", "stages", "view"),
         "vision",

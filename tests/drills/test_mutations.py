@@ -139,7 +139,7 @@ def test_every_stage_runs_code_of_its_own(drill: Drill) -> None:
     assert "vision/depth/chain.py" not in drill.lines("decode", "run")
 
 
-@pytest.mark.parametrize("count", [25, pytest.param(1200, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [12, pytest.param(1200, marks=pytest.mark.slow)])
 def test_a_mutation_of_a_line_that_a_stage_runs_changes_its_fingerprint(
     drill: Drill, record_property: RecordProperty, count: int
 ) -> None:
@@ -177,7 +177,7 @@ def test_a_mutation_on_import_that_keeps_a_fingerprint_keeps_the_result(
     assert not missed
 
 
-@pytest.mark.parametrize("count", [4, pytest.param(120, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("count", [2, pytest.param(120, marks=pytest.mark.slow)])
 def test_an_edit_that_no_program_can_see_keeps_every_fingerprint(
     drill: Drill, record_property: RecordProperty, count: int
 ) -> None:

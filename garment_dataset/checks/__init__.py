@@ -1,0 +1,1 @@
+"""Recordings held against a contract, and against their own names."""
