@@ -49,10 +49,10 @@ def zero(path: Path, chance: random.Random) -> None:
 
 def exchange(path: Path, chance: random.Random) -> None:
     """Put a whole file of another recording in its place, with its times."""
-    others = [other for other in path.parent.parent.rglob(f"*{path.suffix}") if other != path]
-    other = chance.choice(sorted(others))
+    others = [other for other in parquet(path.parent.parent) if other != path]
     path.unlink()
-    shutil.copy2(other, path)
+    if others:  # the only one is left missing
+        shutil.copy2(chance.choice(others), path)
 
 
 def remove(path: Path, _: random.Random) -> None:
@@ -83,6 +83,8 @@ def damage_some(sandbox: Sandbox, chance: random.Random) -> list[str]:
     for _ in range(chance.randint(1, 3)):
         folder = chance.choice([sandbox.private_dir / "objects", sandbox.features_dir])
         path, damage = chance.choice(parquet(folder)), chance.choice(DAMAGES)
+        if not path.stat().st_size:
+            damage = remove  # of what was emptied just before
         damage(path, chance)
         done.append(f"{damage.__name__} {path.relative_to(sandbox.root)}")
     return done
