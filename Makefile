@@ -24,13 +24,13 @@ demo: $(STAMP) ## Build features from small sample recordings, and show where th
 	$(BIN)/python examples/demo.py
 
 test: $(STAMP) ## Run the quick tests
-	$(BIN)/python -m pytest -n auto
+	$(BIN)/python -m pytest -n auto --dist worksteal
 
 test-slow: $(STAMP) ## Run the tests that take longer
-	$(BIN)/python -m pytest -n auto -m slow
+	$(BIN)/python -m pytest -n auto --dist worksteal -m slow
 
 test-lowest: $(LOWEST)/.installed ## Run the quick tests with the lowest versions that pyproject.toml allows
-	$(LOWEST)/bin/python -m pytest -n auto
+	$(LOWEST)/bin/python -m pytest -n auto --dist worksteal
 
 # uv alone can resolve downward; it lies in an environment of its own so that the tests see nothing of it
 $(LOWEST)/.installed: pyproject.toml

@@ -11,6 +11,8 @@ from typing import Protocol
 
 import pytest
 
+_WHERE_IT_RUNS = {"-j", "--jobs", "--engine", "--scheduler", "--help"}
+
 
 @dataclass(frozen=True)
 class Ran:
@@ -22,7 +24,7 @@ class Ran:
 
 
 class Garment(Protocol):
-    """Runs ``garment ARGUMENTS``."""
+    """Runs ``garment ARGUMENTS``; a build without workers, which take longer to start than it takes, unless asked."""
 
     def __call__(self, *arguments: str, cwd: Path, code: int | None = 0, package: Path | None = None) -> Ran: ...
 
@@ -34,6 +36,8 @@ def garment() -> Garment:
         if package is not None:
             environment["PYTHONPATH"] = str(package)
         command = [sys.executable, "-c", "from garment_dataset.cli import main; main()", *arguments]
+        if arguments[:1] == ("build",) and _WHERE_IT_RUNS.isdisjoint(arguments):
+            command += ["-j", "0"]
         done = subprocess.run(command, cwd=cwd, env=environment, capture_output=True, text=True, check=False)
         ran = Ran(done.returncode, done.stdout, done.stderr)
         assert code is None or ran.code == code, ran

@@ -60,7 +60,7 @@ class Sandbox:
         return out, err
 
     def build(self, *arguments: str, code: int | None = 0) -> dict[str, Any]:
-        out, err = self.run("build", "--json", "-j", "2", *arguments, code=code)
+        out, err = self.run("build", "--json", "-j", "0", *arguments, code=code)
         return dict(json.loads(out)) if out else {"error": err}
 
     def files(self) -> dict[str, bytes]:
