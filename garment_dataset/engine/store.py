@@ -176,7 +176,7 @@ class Store:
             for table in result.outputs:
                 path = self.feature_path(table, result.partition, result.subject, node[2])
                 path.unlink(missing_ok=True)
-                _remove_empty(path.parent, self.features_dir)
+                remove_empty(path.parent, self.features_dir)
         self.index.forget_nodes([node])
 
     def _read_footers(self) -> None:
@@ -218,7 +218,7 @@ def _clear(folder: Path) -> None:
         raise StorageError("scratch space cannot be cleared", where=folder, found=error.strerror or error) from error
 
 
-def _remove_empty(folder: Path, root: Path) -> None:
+def remove_empty(folder: Path, root: Path) -> None:
     """Remove a folder, and those above it, as far as nothing is in them but a table's description."""
     while folder != root and folder.is_relative_to(root):
         with contextlib.suppress(OSError):

@@ -6,6 +6,7 @@ import contextlib
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from garment_dataset.engine.store import remove_empty
 from garment_dataset.workspace.building import note_orphans
 
 if TYPE_CHECKING:
@@ -64,7 +65,7 @@ def remove(session: Session, rubbish: Iterable[Rubbish]) -> None:
     for each in rubbish:
         with contextlib.suppress(OSError):
             each.path.unlink(missing_ok=True)
-        _remove_empty(each.path.parent, session)
+        remove_empty(each.path.parent, session.layout.features_dir)
     lost = [
         key
         for key, result in store.results.items()
@@ -107,17 +108,3 @@ def _size(path: Path) -> int:
         stat = path.stat()
         return stat.st_size if stat.st_nlink == 1 else 0
     return 0
-
-
-def _remove_empty(folder: Path, session: Session) -> None:
-    """Remove a folder in which nothing is left but the description of a table, and those above it."""
-    root = session.layout.features_dir
-    while folder != root and folder.is_relative_to(root):
-        with contextlib.suppress(OSError):
-            if [path.name for path in folder.iterdir()] == ["_schema.json"]:
-                (folder / "_schema.json").unlink()
-        try:
-            folder.rmdir()
-        except OSError:
-            return
-        folder = folder.parent
