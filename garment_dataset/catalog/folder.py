@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import warnings
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from garment_dataset.catalog.names import BackgroundName, RecordingName, parse_bag_name
@@ -76,10 +76,10 @@ def scan(folder: Path) -> FolderScan:
     """
     if folder.exists() and not folder.is_dir():
         raise CatalogError("not a folder", where=folder, expected="a folder of bags", found="a file")
-    finished, unfinished = _walk(folder) if folder.exists() else ([], [])
+    walked = _walk(folder) if folder.exists() else _Walked()
     named: dict[str, list[FoundBag]] = {}
     refused: list[tuple[Path, RecordingNameError]] = []
-    for path in map(Path, sorted(finished)):
+    for path in map(Path, sorted(walked.finished)):
         try:
             bag = FoundBag(path, parse_bag_name(path.name))
         except RecordingNameError as error:
@@ -92,37 +92,46 @@ def scan(folder: Path) -> FolderScan:
         used, *others = sorted(found, key=lambda bag: not bag.is_canonical) if len(found) > 1 else found
         bags.append(used)
         duplicates += [Duplicate(bag, used) for bag in others if not bag.path.samefile(used.path)]
-    return FolderScan(folder, tuple(bags), tuple(duplicates), tuple(refused), tuple(map(Path, sorted(unfinished))))
+    return FolderScan(
+        folder, tuple(bags), tuple(duplicates), tuple(refused), tuple(map(Path, sorted(walked.unfinished)))
+    )
 
 
-def _walk(root: Path) -> tuple[list[str], list[str]]:
-    """Return the paths of what is finished and of what is not, by name alone."""
-    finished: list[str] = []
-    unfinished: list[str] = []
+@dataclass
+class _Walked:
+    """Paths by what their names say they are."""
+
+    finished: list[str] = field(default_factory=list)
+    unfinished: list[str] = field(default_factory=list)
+
+    def add(self, entry: os.DirEntry[str]) -> None:
+        lower = entry.name.lower()
+        if lower.endswith((".bag.active", ".db3", ".mcap")):
+            self.unfinished.append(entry.path)
+        elif lower.endswith(".bag"):
+            if entry.is_symlink() and not Path(entry.path).exists():
+                warnings.warn(f"{entry.path}: a link to nothing, left out", DataWarning, stacklevel=5)
+            else:
+                self.finished.append(entry.path)
+
+
+def _walk(root: Path) -> _Walked:
+    walked = _Walked()
     seen: set[tuple[int, int]] = set()
     # Linked folders wait until the end, so that a folder is called by its own path if it has one here.
     pending, linked = [str(root)], list[str]()
     while pending or linked:
         here = pending.pop() if pending else linked.pop()
-        entries = _entries(here, seen)
-        names = {entry.name for entry in entries}
-        if "metadata.yaml" in names and here != str(root):
-            finished.append(here)
+        entries = [entry for entry in _entries(here, seen) if not entry.name.startswith(".")]
+        if any(entry.name == "metadata.yaml" for entry in entries) and here != str(root):
+            walked.finished.append(here)
             continue
         for entry in entries:
-            lower = entry.name.lower()
-            if entry.name.startswith("."):
-                continue
             if _is_folder(entry):
                 (linked if entry.is_symlink() else pending).append(entry.path)
-            elif lower.endswith((".bag.active", ".db3", ".mcap")):
-                unfinished.append(entry.path)
-            elif lower.endswith(".bag"):
-                if entry.is_symlink() and not Path(entry.path).exists():
-                    warnings.warn(f"{entry.path}: a link to nothing, left out", DataWarning, stacklevel=4)
-                else:
-                    finished.append(entry.path)
-    return finished, unfinished
+            else:
+                walked.add(entry)
+    return walked
 
 
 def _entries(here: str, seen: set[tuple[int, int]]) -> list[os.DirEntry[str]]:

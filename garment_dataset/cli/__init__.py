@@ -13,6 +13,7 @@ from garment_dataset.cli import (
     diff,
     doctor,
     history,
+    lint,
     mask,
     new,
     score,
@@ -36,7 +37,7 @@ app = typer.Typer(
 app.command("init")(workspace.init)
 app.command("list")(catalog.list_)
 app.command("show")(show.show)
-app.command("lint")(catalog.lint_)
+app.command("lint")(lint.lint_)
 app.command("build")(build.build)
 app.command("status")(status.status)
 app.command("why")(status.why)

@@ -261,11 +261,12 @@ def test_findings_come_in_the_order_of_their_codes(workspace: Path, put: Callabl
 def garment(workspace: Path, monkeypatch: pytest.MonkeyPatch) -> Run:
     """Run a verb in the workspace; what a user caused is raised."""
     from garment_dataset.cli import catalog, show
+    from garment_dataset.cli.lint import lint_
 
     app = typer.Typer()
     app.command("list")(catalog.list_)
     app.command("show")(show.show)
-    app.command("lint")(catalog.lint_)
+    app.command("lint")(lint_)
     monkeypatch.chdir(workspace / "recordings")
 
     def run(*arguments: str) -> Any:

@@ -25,6 +25,7 @@ from garment_dataset.catalog import Catalog
 from garment_dataset.catalog.lint import lint
 from garment_dataset.cli import catalog as verbs
 from garment_dataset.cli import status
+from garment_dataset.cli.lint import lint_
 from garment_dataset.cli.output import take_any_text
 from garment_dataset.errors import DataWarning, GarmentError
 from garment_dataset.layout import Layout
@@ -287,7 +288,7 @@ def called(layout_root: Path) -> dict[str, Callable[[], object]]:
         "load_pipelines": pipelines,
         "garment list": lambda: verbs.list_(["axis=R", "*_1_*"], layout_root, as_json=False, as_csv=True),
         "garment list --json": lambda: verbs.list_(None, layout_root, as_json=True, as_csv=False),
-        "garment lint": lambda: verbs.lint_(None, layout_root, as_json=False),
+        "garment lint": lambda: lint_(None, layout_root, as_json=False),
         "garment dag": lambda: status.dag(status.DagForm.TEXT, params=True, workspace=layout_root, as_json=False),
         "garment status": lambda: status.status(None, None, layout_root, as_json=False, exit_code=False),
     }
