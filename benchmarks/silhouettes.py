@@ -167,10 +167,10 @@ def run_package(timer: Timer, empty: list[Image], frames: list[Image]) -> dict[s
     drifts = timer("drift", refined.drift, frames)
     top = float(GRIPPER_V_PX)
     masks = timer(
-        "coarse mask", lambda frame, drift: coarse.silhouette(frame, drift=drift, top_v_px=top), frames, drifts
+        "coarse mask", lambda frame, drift: coarse.find(frame, drift=drift, top_v_px=top).mask, frames, drifts
     )
     edges = timer(
-        "mask, refined", lambda frame, drift: refined.silhouette(frame, drift=drift, top_v_px=top), frames, drifts
+        "mask, refined", lambda frame, drift: refined.find(frame, drift=drift, top_v_px=top).mask, frames, drifts
     )
     axes = timer("axes", region_axes, edges)
     start = time.process_time()

@@ -30,18 +30,19 @@ if TYPE_CHECKING:
 
     Row = dict[str, Any]
 
-Reason = Literal["no_gripper", "image_size", "no_garment"]
+Reason = Literal["no_gripper", "image_size", "no_garment", "not_at_gripper"]
 """Why a frame has no mask.
 
 ``no_gripper``: its end point is not known at this frame, so that the arm could not be told from the garment.
 ``image_size``: the image is not of the background's size. ``no_garment``: nothing differs from the background, or
-nothing as large as ``open_px`` and ``min_area_px2`` ask.
+nothing as large as ``open_px`` and ``min_area_px2`` ask. ``not_at_gripper``: what differs does not come within
+``near_m`` of the gripper's end point, so that it hangs from something else.
 """
 
 
 SILHOUETTES = TableSpec(
     "silhouettes",
-    1,
+    2,
     "one usable colour frame",
     (
         FRAME,
@@ -65,6 +66,7 @@ SILHOUETTES = TableSpec(
             Column(f"drift_{channel}", "float64", "level", f"brightness against the background, {name}", nullable=True)
             for channel, name in (("r", "red"), ("g", "green"), ("b", "blue"))
         ),
+        Column("confidence", "float64", "1", "share of the mask that no shadow on the wall explains", nullable=True),
         Column("reason", "string", "", "why there is no mask; null when there is one", nullable=True),
     ),
     keys=("frame",),
@@ -97,6 +99,9 @@ class SilhouetteParams(StageParams):
     drift: bool = Field(
         default=True, description="allow for a change of the whole picture's brightness: exposure and white balance"
     )
+    shadows: bool = Field(
+        default=True, description="allow for shadows on the wall: less light at the same hue, reached without a step"
+    )
     clip: Literal["auto", "none"] = Field(
         default="auto",
         description="where a garment can be: auto: before the largest monochrome part of the background; "
@@ -110,6 +115,12 @@ class SilhouetteParams(StageParams):
     )
     gripper_radius_m: float = Field(
         default=0.01, ge=0, description="radius around the gripper's end point that is removed with it"
+    )
+
+    near_m: float = Field(
+        default=0.04,
+        ge=0,
+        description="how near to the gripper's end point a garment must come; 0: anywhere",
     )
 
     @model_validator(mode="after")
@@ -233,6 +244,7 @@ def _subtractor(model: Background, clip: BoolArray | None, params: SilhouettePar
         open_px=params.open_px,
         close_px=params.close_px,
         edge=params.edge,
+        shadows=params.shadows,
     )
 
 
@@ -246,8 +258,6 @@ def _measure(
     """Return what one frame shows, or why it shows nothing."""
     import numpy as np
 
-    from garment_dataset.vision.color.masks import disc_mask
-
     if pixels.shape != model.mean.shape:
         return {"reason": "image_size"}
     if params.remove_gripper and held is None:
@@ -258,16 +268,29 @@ def _measure(
         drift = None
     if drift is not None:
         row |= dict(zip(("drift_r", "drift_g", "drift_b"), drift.tolist(), strict=True))
-    shape = pixels.shape[:2]
-    radius_px = 0.0 if held is None else params.gripper_radius_m * held.px_per_m
-    mask = subtractor.silhouette(
+    shape = (pixels.shape[0], pixels.shape[1])
+    found = subtractor.find(
         pixels,
         drift=drift,
         top_v_px=None if held is None else held.v_px,
-        gripper=None if held is None or radius_px == 0 else disc_mask((held.u_px, held.v_px), radius_px, *shape),
+        gripper=_disc(held, params.gripper_radius_m, shape),
+        near=_disc(held, params.near_m, shape),
     )
-    found = describe_mask(mask)
-    return {**row, **(found if found.get("area_px2", 0) >= params.min_area_px2 else {"reason": "no_garment"})}
+    if found.is_elsewhere:
+        return {**row, "reason": "not_at_gripper"}
+    described = describe_mask(found.mask)
+    if described.get("area_px2", 0) < params.min_area_px2:
+        return {**row, "reason": "no_garment"}
+    return {**row, **described, "confidence": found.confidence}
+
+
+def _disc(held: _Gripper | None, radius_m: float, shape: tuple[int, int]) -> BoolArray | None:
+    """Return what is within a radius of the gripper's end point; None without gripper or radius."""
+    from garment_dataset.vision.color.masks import disc_mask
+
+    if held is None or radius_m == 0:
+        return None
+    return disc_mask((held.u_px, held.v_px), radius_m * held.px_per_m, *shape)
 
 
 def describe_mask(mask: NDArray[np.bool_]) -> Row:

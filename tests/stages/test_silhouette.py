@@ -153,7 +153,7 @@ def test_frames_without_a_garment_have_null_rows_with_a_reason(run: Any) -> None
 
 def test_a_speck_is_no_garment(run: Any) -> None:
     picture = np.clip(wall(0), 0, 255).astype(np.uint8)
-    picture[50:57, 50:60] = 20
+    picture[33:40, 67:77] = 20
     assert run(picture)[0]["reason"] == "no_garment"
     (row,) = run(picture, params=EXACT.model_copy(update={"min_area_px2": 70}))
     assert (row["area_px2"], row["reason"]) == (70, None)
@@ -211,7 +211,7 @@ def test_only_the_monochrome_part_is_looked_at_unless_told_otherwise(run: Any) -
     picture[40:, 135:] = 250
     where = {
         "auto": SilhouetteParams(gripper_radius_m=0.0),
-        "none": SilhouetteParams(gripper_radius_m=0.0, clip="none"),
+        "none": SilhouetteParams(gripper_radius_m=0.0, clip="none", near_m=0.0),
         "polygon": SilhouetteParams(
             gripper_radius_m=0.0, clip_polygon=((0, 0), (LEFT + 11, 0), (LEFT + 11, 119), (0, 119))
         ),

@@ -169,8 +169,8 @@ class Bounds:
         ----------
         frame : (H, W, 3) uint8
             Colour image.
-        drift : (3,) int16
-            Change of brightness to allow for, in grey levels.
+        drift : (3,) or (H, W, 3) int16
+            Change of brightness to allow for, in grey levels: of all pixels, or of each.
 
         Returns
         -------
@@ -178,7 +178,8 @@ class Bounds:
             255 outside, 0 within. The bounds move by ``drift`` and stop at 0 and 255, as the camera does: where the
             background would leave that range, it is expected at its end.
         """
-        shift = np.tile(drift, (frame.shape[1], 1))  # a whole row: numpy is slow along an axis of three
+        # a whole row: numpy is slow along an axis of three
+        shift = np.tile(drift, (frame.shape[1], 1)) if drift.ndim == 1 else drift
         lower, upper = (np.clip(bound + shift, 0, 255).astype(np.uint8) for bound in (self.lower, self.upper))
         return np.asarray(cv2.bitwise_not(cv2.inRange(frame, lower, upper)), np.uint8)
 

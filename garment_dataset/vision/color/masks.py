@@ -22,6 +22,9 @@ if TYPE_CHECKING:
 
     Border = NDArray[np.int32]
 
+Box = tuple[slice, slice]
+"""Rows and columns of a part of an image."""
+
 _PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
 
 
@@ -158,19 +161,23 @@ def open_close(mask: ByteMask, open_px: int, close_px: int) -> ByteMask:
     return np.asarray(padded[pad : pad + mask.shape[0], pad : pad + mask.shape[1]], np.uint8)
 
 
-def largest_component(mask: ByteMask) -> ByteMask:
+def largest_component(mask: ByteMask, near: BoolArray | None = None) -> ByteMask:
     """Keep the largest 8-connected region; of equal ones the one that begins highest, then furthest left.
 
     Parameters
     ----------
     mask : (H, W) uint8
         0 is background.
+    near : (H, W) bool, optional
+        Where the region must have a pixel; anywhere by default.
 
     Returns
     -------
     (H, W) uint8
-        1 in the region, all 0 for an empty mask.
+        1 in the region, all 0 when there is none.
     """
+    if near is not None and not mask[near].any():
+        return np.zeros(mask.shape, np.uint8)
     contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     if len(contours) == 0 or np.count_nonzero(hierarchy[0, :, 3] < 0) == 1:  # one border that is not a hole's
         return np.minimum(mask, np.uint8(1))  # nearly always, and far cheaper than labelling
@@ -179,8 +186,26 @@ def largest_component(mask: ByteMask) -> ByteMask:
         mask, connectivity=8, ltype=cv2.CV_16U if few else cv2.CV_32S
     )
     left, top, area = (stats[1:, key] for key in (cv2.CC_STAT_LEFT, cv2.CC_STAT_TOP, cv2.CC_STAT_AREA))
-    largest = 1 + np.lexsort((left, top, -area))[0]
+    order = 1 + np.lexsort((left, top, -area))
+    there = range(1, len(stats)) if near is None else set(np.unique(labels[near]).tolist())
+    largest = next(label for label in order.tolist() if label in there)
     return np.asarray(labels == largest).view(np.uint8)
+
+
+def bounding_box(mask: ByteMask, margin_px: int = 0) -> Box:
+    """Return the box around all that is not 0 in a mask, with a margin that may reach beyond the image's end.
+
+    Parameters
+    ----------
+    mask : (H, W) uint8
+    margin_px : int
+        On all sides.
+    """
+    u_px, v_px, width_px, height_px = cv2.boundingRect(mask)
+    return (
+        slice(max(v_px - margin_px, 0), v_px + height_px + margin_px),
+        slice(max(u_px - margin_px, 0), u_px + width_px + margin_px),
+    )
 
 
 def borders(mask: BoolArray) -> list[Border]:

@@ -2,12 +2,14 @@
 
 The coarse mask is thesis eq. (5.3), opened, closed, cut free of the gripper and reduced to its largest region, bit by
 bit as defined. Its edge lies where the colour leaves the noise: outside the garment, by more than a pixel in a blurred
-image. :func:`refine_edges` moves it to where a pixel is half garment, half background.
+image. :func:`.refine_edges` moves it to where a pixel is half garment, half background. Shadows on the wall differ from
+the background, too: :class:`.LightFinder` says how much of its light is left, and the comparison is made with that.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
 import cv2
@@ -15,30 +17,41 @@ import numpy as np
 
 from garment_dataset.errors import PictureError
 from garment_dataset.vision.color.background import Bounds, DriftEstimator, lattice
-from garment_dataset.vision.color.masks import largest_component, open_close, square
+from garment_dataset.vision.color.edges import refine_edges
+from garment_dataset.vision.color.masks import bounding_box, largest_component, open_close, square
+from garment_dataset.vision.color.shadow import LightFinder
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from garment_dataset.arrays import BoolArray, ByteMask, ColorImage, FloatArray
     from garment_dataset.vision.color.background import Background
-
-    Box = tuple[slice, slice]
-    Indices = NDArray[np.intp]
+    from garment_dataset.vision.color.masks import Box
 
 Edge = Literal["half_contrast", "threshold"]
 
-_CROSS: ByteMask = cv2.getStructuringElement(cv2.MORPH_CROSS, (3, 3)).astype(np.uint8)
-_SQUARE: ByteMask = np.ones((3, 3), np.uint8)
-_DISC: ByteMask = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5)).astype(np.uint8)
-
-# How edges are refined; chosen on rendered garments with an Xtion's noise, blur of 1 to 2 px, motion and texture:
-# with more layers blur matters less and texture more.
-_PEELING = (_CROSS, _SQUARE, _CROSS, _SQUARE)  # layers above the core
-_MIN_CONTRAST = 8.0  # grey levels, all channels together; with less, noise would decide
 _CONTEXT_PX = 8  # rows above the gripper's end point that edges are decided with
-_FINE = 64  # parts of a grey level, for distances of colours; sums of integers depend on no order
-_WHOLE = 16384  # a pixel that is all garment, for the same reason
+_AROUND_PX = 48  # lit wall around a garment and its shadow, to begin with
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Silhouette:
+    """What one frame shows.
+
+    Parameters
+    ----------
+    mask : (H, W) bool
+        One 8-connected region; all False when nothing is found.
+    confidence : float or None
+        Share of the mask that no shadow on the wall explains: other hues, brighter, or darker than half. Low for cloth
+        of the wall's hue, which is told from a shadow by its edges alone. None without a mask, or without looking.
+    is_elsewhere : bool
+        Whether there is no mask because what differs from the background does not come near the gripper.
+    """
+
+    mask: BoolArray
+    confidence: float | None = None
+    is_elsewhere: bool = False
 
 
 class BackgroundSubtractor:
@@ -58,6 +71,8 @@ class BackgroundSubtractor:
         Sides of the squares that open and close the mask; odd. What holds no square of ``open_px`` is lost.
     edge : str
         ``half_contrast`` to refine the edges, ``threshold`` for the thesis' mask.
+    shadows : bool
+        Whether the wall may have less light than in the empty scene.
 
     Raises
     ------
@@ -75,6 +90,7 @@ class BackgroundSubtractor:
         open_px: int = 5,
         close_px: int = 5,
         edge: Edge = "half_contrast",
+        shadows: bool = False,
     ) -> None:
         size = background.mean.shape[:2]
         if open_px % 2 == 0 or close_px % 2 == 0:
@@ -90,19 +106,21 @@ class BackgroundSubtractor:
         self._pitch_px = max(1, open_px // 3 if open_px >= 6 else open_px // 2)
         self._lattice_bounds = self._bounds.lattice(self._pitch_px)
         self._drift = DriftEstimator(background, clip)
+        self._light = LightFinder(background.mean, self._clip) if shadows else None
 
     def drift(self, frame: ColorImage) -> FloatArray:
         """Estimate the change of brightness against the background: see :class:`DriftEstimator`."""
         return self._drift(frame)
 
-    def silhouette(
+    def find(
         self,
         frame: ColorImage,
         *,
         drift: FloatArray | None = None,
         top_v_px: float | None = None,
         gripper: BoolArray | None = None,
-    ) -> BoolArray:
+        near: BoolArray | None = None,
+    ) -> Silhouette:
         """Mark the garment.
 
         Parameters
@@ -115,11 +133,13 @@ class BackgroundSubtractor:
             Row of the gripper's end point; what lies above is removed.
         gripper : (H, W) bool, optional
             Pixels of the gripper, to be removed too.
+        near : (H, W) bool, optional
+            Surroundings of the gripper's end point, where the garment must begin; anywhere by default.
 
         Returns
         -------
-        (H, W) bool
-            One 8-connected region; all False when nothing is found.
+        Silhouette
+            The largest region, of those that come near the gripper.
 
         Raises
         ------
@@ -140,21 +160,35 @@ class BackgroundSubtractor:
         mask = np.zeros(frame.shape[:2], np.uint8)
         box = self._search(frame, shift, max(top - _CONTEXT_PX, 0) if refined else top)
         if box is None:
-            return mask.view(np.bool_)
+            return Silhouette(mask.view(np.bool_))
+        mean, wall_like = self._mean, None
+        if self._light is not None:
+            around = _around(box, frame.shape[:2])
+            light = self._light(frame, change, around, near)
+            if light.change is not None:
+                mean = mean.copy()
+                mean[around] += light.change
+                box, within = _within(box, around)
+                shift = shift + light.change[within]
+            wall_like = np.zeros(frame.shape[:2], np.bool_)
+            wall_like[around] = light.wall_like
         marked = np.minimum(open_close(self._bounds[box].outside(frame[box], shift), *self._sides_px), np.uint8(1))
         if self._clip is not None:
             marked &= self._clip[box]
         below = _without(marked, box, top, gripper)
-        mask[box] = largest_component(below)
+        mask[box] = largest_component(below, None if near is None else near[box])
         if refined and mask[box].any():
             # Smaller regions go. What was cut off stays until the edges are decided: a cut is no edge of the garment
             mask[box] |= marked - below
-            mask = refine_edges(frame, self._mean, mask, change)
-            box = _bounding_box(mask)
+            mask = refine_edges(frame, mean, mask, change)
+            box = bounding_box(mask)
             if self._clip is not None:
                 mask[box] &= self._clip[box]
-            mask[box] = largest_component(_without(mask[box], box, top, gripper))
-        return mask.view(np.bool_)
+            mask[box] = largest_component(_without(mask[box], box, top, gripper), None if near is None else near[box])
+        if not mask.any():
+            return Silhouette(mask.view(np.bool_), is_elsewhere=bool(below.any()) and near is not None)
+        found = mask.view(np.bool_)
+        return Silhouette(found, None if wall_like is None else 1 - float(wall_like[found].mean()))
 
     def _search(self, frame: ColorImage, shift: NDArray[np.int16], top: int) -> Box | None:
         """Find a box that holds all that opening leaves at and below row ``top``, or None when that is nothing.
@@ -194,90 +228,20 @@ def _without(mask: ByteMask, box: Box, top: int, gripper: BoolArray | None) -> B
     return kept
 
 
-def _bounding_box(mask: ByteMask, margin_px: int = 0) -> Box:
-    u_px, v_px, width_px, height_px = cv2.boundingRect(mask)
-    return (
-        slice(max(v_px - margin_px, 0), v_px + height_px + margin_px),
-        slice(max(u_px - margin_px, 0), u_px + width_px + margin_px),
+def _around(box: Box, size: tuple[int, ...]) -> Box:
+    """Return a box with lit wall around it; its ends are even."""
+    rows, columns = (
+        slice(max(part.start - _AROUND_PX, 0) // 2 * 2, min(part.stop + _AROUND_PX, length) // 2 * 2)
+        for part, length in zip(box, size, strict=True)
     )
+    return rows, columns
 
 
-def refine_edges(frame: ColorImage, mean: FloatArray, mask: ByteMask, drift: FloatArray) -> ByteMask:
-    """Decide the pixels near the edges of a mask by half contrast.
-
-    A pixel is garment when its colour is further from the background's than half of what the garment's is nearby. The
-    background's colour is known per pixel. The garment's distance from it is taken at the nearest core pixel: one so
-    deep inside that blur mixes in no background, or on the ridge of a part too thin to have such. So shading and
-    texture matter little, even stripes both darker and brighter than the background. Core pixels stay, and where
-    garment and background have nearly one colour, the mask stays as it is.
-
-    Parameters
-    ----------
-    frame : (H, W, 3) uint8
-        Colour image.
-    mean : (H, W, 3) float64
-        Mean of the background, in grey levels.
-    mask : (H, W) uint8
-        Coarse mask, 0 or 1.
-    drift : (3,) float64
-        Change of brightness against the background, in grey levels.
-
-    Returns
-    -------
-    (H, W) uint8
-        0 or 1; may be of several regions.
-    """
-    refined = mask.copy()
-    box = _bounding_box(mask, margin_px=4)
-    coarse = np.ascontiguousarray(mask[box])
-    if not coarse.any():
-        return refined
-    core = _core(coarse)
-    rim = core - np.asarray(cv2.erode(core, square(5)), np.uint8)
-    around = np.asarray(cv2.dilate(coarse, _DISC), np.uint8) - core
-    band = np.flatnonzero(around.view(np.bool_))
-    used = np.flatnonzero((around | rim).view(np.bool_))
-    distance = np.zeros(coarse.shape, np.uint16)
-    distance.ravel()[used] = _color_distance(frame, mean, drift, _whole(used, box, mask.shape[1]))
-    contrast = _contrast(distance, core, rim, band)
-    clear = contrast >= _MIN_CONTRAST * _FINE
-    band = band[clear]
-    shares = coarse.astype(np.uint16) * np.uint16(_WHOLE)
-    share = np.minimum(np.take(distance, band) / contrast[clear], 1.5)
-    shares.ravel()[band] = np.rint(share * _WHOLE)
-    smooth = cv2.GaussianBlur(shares, (3, 3), 0)  # noise is as fine as a pixel, edges are blurred
-    refined.ravel()[_whole(band, box, mask.shape[1])] = np.take(smooth, band) > _WHOLE // 2
-    return refined
-
-
-def _whole(pixels: Indices, box: Box, width: int) -> Indices:
-    """Turn indices of pixels in a box into those in the whole image."""
-    rows, columns = np.divmod(pixels, min(box[1].stop, width) - box[1].start)
-    return np.asarray((rows + box[0].start) * width + columns + box[1].start)
-
-
-def _color_distance(frame: ColorImage, mean: FloatArray, drift: FloatArray, pixels: Indices) -> FloatArray:
-    """Return the distances of pixels from the background's colour, in parts of a grey level, rounded."""
-    # By channel: numpy is slow along an axis of three
-    color, background = (np.take(image.reshape(-1, 3), pixels, axis=0).T for image in (frame, mean))
-    change = np.subtract(color, background, order="C") - drift[:, np.newaxis]
-    return np.asarray(np.rint(np.sqrt((change * change).sum(axis=0)) * _FINE), np.float64)
-
-
-def _core(mask: ByteMask) -> ByteMask:
-    """Mark the pixels below all layers, and those with no neighbour in a deeper layer than their own."""
-    layer = peeled = mask
-    for element in _PEELING:
-        peeled = np.asarray(cv2.erode(peeled, element), np.uint8)
-        layer = np.asarray(cv2.add(layer, peeled), np.uint8)
-    deepest = np.asarray(layer == cv2.dilate(layer, _SQUARE)).view(np.uint8)
-    return np.asarray(cv2.bitwise_and(deepest, mask), np.uint8)
-
-
-def _contrast(distance: NDArray[np.uint16], core: ByteMask, rim: ByteMask, band: Indices) -> FloatArray:
-    """Return the mean distance over the rim of the core, around the core pixel nearest to each pixel of the band."""
-    sums = cv2.boxFilter(distance * rim, cv2.CV_32F, (3, 3), normalize=False)
-    counts = cv2.boxFilter(rim, cv2.CV_32F, (3, 3), normalize=False)
-    _, labels = cv2.distanceTransformWithLabels(1 - core, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-    nearest = np.flatnonzero(core.view(np.bool_))[np.take(labels, band) - 1]  # labels count by rows, from 1
-    return np.asarray(np.take(sums, nearest).astype(np.float64) / np.take(counts, nearest))
+def _within(box: Box, around: Box) -> tuple[Box, Box]:
+    """Return the part of a box that lies in another, as seen in the image and as seen in that other one."""
+    rows, columns = (slice(part.start, min(part.stop, outer.stop)) for part, outer in zip(box, around, strict=True))
+    inner = tuple(
+        slice(part.start - outer.start, part.stop - outer.start)
+        for part, outer in zip((rows, columns), around, strict=True)
+    )
+    return (rows, columns), (inner[0], inner[1])

@@ -14,7 +14,8 @@ from skimage import measure, morphology
 
 from garment_dataset.errors import PictureError
 from garment_dataset.vision.color.background import Background, BackgroundAccumulator
-from garment_dataset.vision.color.silhouette import BackgroundSubtractor, refine_edges
+from garment_dataset.vision.color.edges import refine_edges
+from garment_dataset.vision.color.silhouette import BackgroundSubtractor
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -109,7 +110,7 @@ def test_the_coarse_mask_is_the_plain_one_bit_by_bit(
     }
     used = clip if "clip" in given else None
     subtractor = BackgroundSubtractor(background, used, **options._asdict(), edge="threshold")
-    found = subtractor.silhouette(frame, **place)
+    found = subtractor.find(frame, **place).mask
     np.testing.assert_array_equal(found, plain_silhouette(frame, background, options, used, **place))
 
 
@@ -195,7 +196,7 @@ def both_masks(camera: Camera, frame: Image) -> tuple[Mask, Mask]:
     """Return the thesis' mask and the refined one, both with drift compensated."""
     subtractors = [BackgroundSubtractor(camera.background, edge=edge) for edge in ("threshold", "half_contrast")]
     drift = subtractors[0].drift(frame)
-    coarse, refined = (subtractor.silhouette(frame, drift=drift) for subtractor in subtractors)
+    coarse, refined = (subtractor.find(frame, drift=drift).mask for subtractor in subtractors)
     return coarse, refined
 
 
@@ -272,7 +273,7 @@ def test_drift_matters_and_is_compensated(level: float, towel_coverage: Floats) 
     frame = camera.frame(towel_coverage, FABRICS["little contrast"], np.array([level, level, -level]))
     truth = towel_coverage > 0.5
     coarse, refined = both_masks(camera, frame)
-    uncompensated = BackgroundSubtractor(camera.background, edge="threshold").silhouette(frame)
+    uncompensated = BackgroundSubtractor(camera.background, edge="threshold").find(frame).mask
     assert overlap(refined, truth) >= 0.99
     assert overlap(coarse, truth) > overlap(uncompensated, truth)
 
@@ -311,7 +312,7 @@ def test_the_gripper_and_what_is_above_it_are_removed(towel_coverage: Floats) ->
     frame = camera.frame(covered, FABRICS["white"])
     gripper = np.zeros(Camera.shape, np.bool_)
     gripper[50:60, 60:90] = True
-    found = BackgroundSubtractor(camera.background).silhouette(frame, top_v_px=39.4, gripper=gripper)
+    found = BackgroundSubtractor(camera.background).find(frame, top_v_px=39.4, gripper=gripper).mask
     assert not found[:40].any()
     assert found[40, 70]
     assert not found[gripper].any()
@@ -324,7 +325,7 @@ def test_the_garment_is_what_hangs_below_the_gripper_however_large_the_arm() -> 
     arm = coverage(lambda u, v: (np.abs(u - 70) < 60) & (v < 150), Camera.shape)
     garment = coverage(lambda u, v: (np.abs(u - 40) < 12) & (v >= 140) & (v < 240), Camera.shape)
     frame = camera.frame(np.maximum(arm, garment), FABRICS["red"])
-    found = BackgroundSubtractor(camera.background).silhouette(frame, top_v_px=150)
+    found = BackgroundSubtractor(camera.background).find(frame, top_v_px=150).mask
     assert overlap(found, (garment > 0.5) & (np.arange(280)[:, None] >= 150)) >= 0.95
 
 
@@ -332,7 +333,7 @@ def test_nothing_is_found_beyond_the_clipping_mask(towel_coverage: Floats) -> No
     camera = Camera(9, NOISE["median"])
     clip = np.zeros(Camera.shape, np.bool_)
     clip[60:200, 50:120] = True
-    found = BackgroundSubtractor(camera.background, clip).silhouette(camera.frame(towel_coverage, FABRICS["white"]))
+    found = BackgroundSubtractor(camera.background, clip).find(camera.frame(towel_coverage, FABRICS["white"])).mask
     assert not (found & ~clip).any()
     assert overlap(found, (towel_coverage > 0.5) & clip) >= 0.97
 
@@ -344,7 +345,7 @@ def test_an_empty_scene_has_no_silhouette(options: dict[str, Any]) -> None:
     camera = Camera(10, NOISE["loud"])
     frame = camera.frame(np.zeros(Camera.shape), FABRICS["white"])
     subtractor = BackgroundSubtractor(camera.background)
-    found = subtractor.silhouette(frame, drift=subtractor.drift(frame), **options)
+    found = subtractor.find(frame, drift=subtractor.drift(frame), **options).mask
     assert found.shape == Camera.shape
     assert not found.any()
 
@@ -355,9 +356,9 @@ def test_a_frame_is_only_read(towel_coverage: Floats) -> None:
     before = frame.copy()
     frame.flags.writeable = False
     subtractor = BackgroundSubtractor(camera.background)
-    first = subtractor.silhouette(frame, drift=subtractor.drift(frame))
+    first = subtractor.find(frame, drift=subtractor.drift(frame)).mask
     np.testing.assert_array_equal(frame, before)
-    np.testing.assert_array_equal(subtractor.silhouette(frame, drift=subtractor.drift(frame)), first)
+    np.testing.assert_array_equal(subtractor.find(frame, drift=subtractor.drift(frame)).mask, first)
 
 
 @pytest.mark.parametrize(
@@ -378,7 +379,7 @@ def test_a_frame_of_unknown_brightness_is_refused() -> None:
     subtractor = BackgroundSubtractor(background)
     frame = np.full((40, 50, 3), 250, np.uint8)
     with pytest.raises(ValueError, match="unknown"):
-        subtractor.silhouette(frame, drift=subtractor.drift(frame))
+        subtractor.find(frame, drift=subtractor.drift(frame))
 
 
 def test_even_squares_have_no_middle() -> None:

@@ -1,0 +1,145 @@
+"""Shadows on the wall: painted soft and hard, beside and behind sheets of several colours, in an Xtion's noise."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+
+from garment_dataset.vision.color.background import BackgroundAccumulator
+from garment_dataset.vision.color.masks import disc_mask
+from garment_dataset.vision.color.silhouette import BackgroundSubtractor, Silhouette
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from garment_dataset.arrays import BoolArray
+    from garment_dataset.vision.color.background import Background
+
+    Picture = NDArray[np.float64]
+
+HEIGHT, WIDTH = 240, 320
+GRIPPER = (150.0, 40.0)
+COLORS = {"green": (60, 120, 70), "white": (232, 228, 220), "black": (38, 38, 44), "grey": (112, 112, 115)}
+WIDE, EDGE_ON = 70, 8
+
+
+def wall() -> Picture:
+    """A white-grey wall that is darker on the right."""
+    light = 1 - 0.15 * np.linspace(0, 1, WIDTH)[None, :, None] ** 2
+    return np.asarray(np.array([182.0, 180.0, 172.0]) * light * np.ones((HEIGHT, 1, 1)), np.float64)
+
+
+def noisy(picture: Picture, seed: int) -> NDArray[np.uint8]:
+    """The noise of neighbouring pixels hangs together by 0.6, of 3 levels."""
+    white = np.random.default_rng(seed).normal(0, 1, picture.shape)
+    noise = cv2.GaussianBlur(white, (5, 5), 0.76)
+    soft = cv2.GaussianBlur(picture, (5, 5), 0.6)
+    return np.asarray(np.clip(np.rint(soft + 3 * noise / noise.std()), 0, 255), np.uint8)
+
+
+@lru_cache
+def background() -> Background:
+    accumulator = BackgroundAccumulator()
+    for frame in range(40):
+        accumulator.add(noisy(wall(), 1000 + frame))
+    return accumulator.finish()
+
+
+def sheet(width_px: int) -> BoolArray:
+    """A slightly slanted sheet that hangs from the gripper."""
+    v, u = np.indices((HEIGHT, WIDTH))
+    middle = GRIPPER[0] + 0.1 * (v - GRIPPER[1])
+    return np.asarray((v >= GRIPPER[1]) & (v < 200) & (np.abs(u - middle) < width_px / 2))
+
+
+def shadow(softness_px: float, depth: float, *, shift_px: int = -24, tint: float = 0.0) -> Picture:
+    """The share of light that a sheet of 60 px leaves to the wall, of which a lamp sees more than the camera."""
+    caster = np.roll(sheet(60).astype(np.float64), (14, shift_px), axis=(0, 1))
+    dark = depth * cv2.GaussianBlur(caster, (0, 0), softness_px)
+    return np.asarray(1 - dark[..., None] * np.array([1 + tint, 1.0, 1 - tint]), np.float64)
+
+
+def find(picture: Picture, *, shadows: bool = True, seed: int = 0) -> Silhouette:
+    subtractor = BackgroundSubtractor(background(), alpha=2.0, open_px=3, close_px=9, shadows=shadows)
+    image = noisy(picture, seed)
+    near = disc_mask(GRIPPER, 20, HEIGHT, WIDTH)
+    return subtractor.find(image, drift=subtractor.drift(image), top_v_px=GRIPPER[1], near=near)
+
+
+def painted(color: str, width_px: int, light: Picture | float = 1.0) -> Picture:
+    texture = 1 + 0.04 * np.sin(np.indices((HEIGHT, WIDTH))[0] / 9)[..., None]
+    return np.asarray(np.where(sheet(width_px)[..., None], np.array(COLORS[color]) * texture, wall() * light))
+
+
+def iou(found: BoolArray, width_px: int) -> float:
+    true = sheet(width_px)
+    return float((found & true).sum() / (found | true).sum())
+
+
+@pytest.mark.parametrize("color", COLORS)
+@pytest.mark.parametrize("width_px", [WIDE, EDGE_ON])
+def test_without_shadows_nothing_changes(color: str, width_px: int) -> None:
+    picture = painted(color, width_px)
+    found = find(picture)
+    assert iou(found.mask, width_px) == pytest.approx(iou(find(picture, shadows=False).mask, width_px), abs=0.015)
+    assert iou(found.mask, width_px) > 0.92
+
+
+@pytest.mark.parametrize("color", COLORS)
+@pytest.mark.parametrize(("softness_px", "depth", "tint"), [(8, 0.08, 0.0), (12, 0.2, 0.0), (6, 0.1, 0.15)])
+def test_a_soft_shadow_is_wall(color: str, softness_px: float, depth: float, tint: float) -> None:
+    light = shadow(softness_px, depth, tint=tint)
+    assert iou(find(painted(color, WIDE, light)).mask, WIDE) > 0.97
+    assert iou(find(painted(color, EDGE_ON, light)).mask, EDGE_ON) > (0.9 if depth < 0.2 else 0.8)
+
+
+def test_the_shadow_of_a_sheet_seen_edge_on_was_taken_for_it() -> None:
+    picture = painted("green", EDGE_ON, shadow(8, 0.1))
+    assert iou(find(picture, shadows=False).mask, EDGE_ON) < 0.3
+
+
+@pytest.mark.parametrize("color", ["green", "black"])
+@pytest.mark.parametrize("depth", [0.09, 0.2])
+def test_a_hard_shadow_is_wall_where_cloth_of_another_colour_hangs(color: str, depth: float) -> None:
+    assert iou(find(painted(color, WIDE, shadow(1.2, depth, shift_px=-60))).mask, WIDE) > 0.92
+
+
+def test_grey_cloth_before_a_wall_is_no_shadow() -> None:
+    """As flat and of the same hue as a hard shadow, but nothing else hangs from the gripper."""
+    flat = np.where(sheet(WIDE)[..., None], wall() * 0.75, wall())
+    found = find(flat)
+    assert iou(found.mask, WIDE) > 0.97
+    assert found.confidence == pytest.approx(0, abs=0.1)
+
+
+def test_confidence_is_the_share_that_no_shadow_explains() -> None:
+    assert (find(painted("green", WIDE)).confidence or 0) > 0.95
+    assert (find(painted("black", WIDE)).confidence or 0) > 0.95
+    half = np.where(
+        (np.indices((HEIGHT, WIDTH))[1] < GRIPPER[0])[..., None], painted("green", WIDE), painted("grey", WIDE)
+    )
+    green = sheet(WIDE) & (np.indices((HEIGHT, WIDTH))[1] < GRIPPER[0])
+    assert find(half).confidence == pytest.approx(green.sum() / sheet(WIDE).sum(), abs=0.06)
+    assert find(painted("green", WIDE), shadows=False).confidence is None
+
+
+def test_what_does_not_come_near_the_gripper_is_no_garment() -> None:
+    picture = wall()
+    picture[120:200, 220:300] = COLORS["green"]
+    found = find(picture)
+    assert found.is_elsewhere
+    assert not found.mask.any()
+    picture[int(GRIPPER[1]) : 90, 146:158] = COLORS["green"]
+    small = find(picture)
+    assert not small.is_elsewhere
+    assert small.mask[60, 150]
+    assert not small.mask[150, 250]
+
+
+def test_equal_frames_have_equal_masks() -> None:
+    picture = painted("white", WIDE, shadow(8, 0.1))
+    np.testing.assert_array_equal(find(picture).mask, find(picture).mask)
