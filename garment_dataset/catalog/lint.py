@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 import re
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
@@ -66,6 +66,8 @@ class Finding:
         What is wrong.
     hint : str or None
         What to do about it.
+    target : str or None
+        The file name that the bag at ``where`` should have; None where nothing says it.
     """
 
     code: Code
@@ -74,6 +76,7 @@ class Finding:
     where: str | None
     message: str
     hint: str | None
+    target: str | None = None
 
 
 def lint(catalog: Catalog, folder: Path | None = None) -> tuple[Finding, ...]:
@@ -195,7 +198,8 @@ class _Known:
         target = f"{meant}.bag" if path.name.lower().endswith(".bag") else meant
         other = self._taken.get(meant, path)
         hint = f"Rename it to {target}." if other == path else f"{other} has that name already: keep one of the two."
-        return _finding("misnamed", path.name, path, f"{message}: should be {target}", hint)
+        found = _finding("misnamed", path.name, path, f"{message}: should be {target}", hint)
+        return replace(found, target=target)
 
     def meant_by(self, name: RecordingName) -> str | None:
         """Find what a readable name in no table stands for."""

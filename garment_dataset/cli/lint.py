@@ -16,7 +16,7 @@ from garment_dataset.cli.output import (
     print_json,
     say,
 )
-from garment_dataset.errors import GarmentError, printable
+from garment_dataset.errors import GarmentError, UsageError, printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -39,26 +39,52 @@ def lint_(
     ] = None,
     workspace: WorkspaceOption = None,
     as_json: JsonOption = False,
+    to_rename: Annotated[
+        bool, typer.Option("--rename", help="Print the renames that findings propose, instead of the findings.")
+    ] = False,
+    to_apply: Annotated[bool, typer.Option("--apply", help="With --rename: do them.")] = False,
 ) -> None:
     """Compare names, tables and folder; exit with 1 when anything disagrees."""
     from garment_dataset.catalog import Catalog
-    from garment_dataset.catalog.filters import compile_filter
-    from garment_dataset.catalog.hints import idle_globs
-    from garment_dataset.catalog.lint import SEVERITIES, lint
+    from garment_dataset.catalog.lint import lint
+    from garment_dataset.cli.renaming import ready_to_rename, rename
     from garment_dataset.workspace import Workspace
 
+    if to_apply and not to_rename:
+        raise UsageError("--apply does what --rename proposes", hint="Add --rename; without --apply, nothing is done.")
     place = Workspace.find(workspace)
-    catalog = Catalog.load(place.catalog_dir, strict=False).with_folder(place.recordings_dir)
-    everything = (*lint(catalog), *_orphaned(place))
+    with ready_to_rename(place, to_apply=to_apply):
+        catalog = Catalog.load(place.catalog_dir, strict=False).with_folder(place.recordings_dir)
+        everything = (*lint(catalog), *_orphaned(place))
+        findings = _selected(filters or (), catalog, everything)
+        if to_rename:
+            rename(place, catalog, findings, to_apply=to_apply, as_json=as_json)
+            return
+    _print(place, catalog, findings, everything, as_json=as_json)
+    if findings:
+        raise typer.Exit(1)
+
+
+def _selected(filters: Sequence[str], catalog: Catalog, everything: Sequence[Finding]) -> list[Finding]:
+    """Return the findings that the filters want; say which globs nothing looks like."""
+    from garment_dataset.catalog.filters import compile_filter
+    from garment_dataset.catalog.hints import idle_globs
+    from garment_dataset.catalog.lint import SEVERITIES
+
     words = {
         "recording": _names(catalog, everything),
         "code": tuple(SEVERITIES),
         "severity": tuple(dict.fromkeys(SEVERITIES.values())),
     }
-    wanted = compile_filter(filters or (), FINDING_KEYS, words)
-    findings = [finding for finding in everything if wanted(_filterable(finding))]
-    for text in idle_globs(filters or (), FINDING_KEYS, words):
+    wanted = compile_filter(filters, FINDING_KEYS, words)
+    for text in idle_globs(filters, FINDING_KEYS, words):
         say(text)
+    return [finding for finding in everything if wanted(_filterable(finding))]
+
+
+def _print(
+    place: Workspace, catalog: Catalog, findings: Sequence[Finding], everything: Sequence[Finding], *, as_json: bool
+) -> None:
     counts = Counter(finding.code for finding in findings)
     if as_json:
         print_json({"counts": counts, "findings": [dataclasses.asdict(finding) for finding in findings]})
@@ -67,8 +93,6 @@ def lint_(
             print(printable(line.replace(f"{place.root}/", "")))
         agreed = f"no such finding among {len(everything)}" if everything else "names, tables and folder agree"
         print(", ".join(f"{count} {code}" for code, count in counts.items()) or agreed)
-    if findings:
-        raise typer.Exit(1)
 
 
 def _orphaned(place: Workspace) -> Iterator[Finding]:

@@ -350,7 +350,7 @@ def test_lint_ends_with_1_and_lists_every_name_as_json(garment: Run) -> None:
     report = json.loads(result.stdout)
     assert report["counts"] == {"missing": 46, "unpaired": 6}
     assert [found["subject"] for found in report["findings"] if found["code"] == "missing"] == ALL
-    assert set(report["findings"][0]) == {"code", "severity", "subject", "where", "message", "hint"}
+    assert set(report["findings"][0]) == {"code", "severity", "subject", "where", "message", "hint", "target"}
 
 
 def test_lint_groups_an_empty_folder_in_text(garment: Run) -> None:
