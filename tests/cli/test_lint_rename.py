@@ -85,13 +85,14 @@ def test_links_stay_as_they_are(place: Workspace, run: Callable[..., Any], tmp_p
 
 
 def test_what_has_the_name_already_is_not_overwritten(place: Workspace, run: Callable[..., Any]) -> None:
-    (place.recordings_dir / WRONG).write_text("one")
+    wrong = "FelShirt_Free_pi16_0,5_B1.bag"
+    (place.recordings_dir / wrong).write_text("one")
     (place.recordings_dir / RIGHT).write_text("other")
     assert "has that name already" in run("--apply", code=1)["refused"][0]["reason"]
     (place.recordings_dir / RIGHT).unlink()
     (place.recordings_dir / RIGHT).mkdir()  # no bag at all
     assert "is in the way" in run("--apply", code=1)["refused"][0]["reason"]
-    assert (place.recordings_dir / WRONG).read_text() == "one"
+    assert (place.recordings_dir / wrong).read_text() == "one"
 
 
 def test_apply_alone_is_refused(place: Workspace, garment: Garment) -> None:
@@ -103,6 +104,7 @@ def test_apply_alone_is_refused(place: Workspace, garment: Garment) -> None:
 @pytest.mark.skipif(sys.platform != "linux", reason="file names are bytes on Linux alone")
 def test_a_name_that_is_no_text_is_renamed(place: Workspace, run: Callable[..., Any]) -> None:
     wrong = os.fsdecode(b"Gr\xc3\xbcnTowel_Free_pi16_0,5_R1.bag\xff.bag")
+    place.private_dir.mkdir(exist_ok=True)
     apply_renames(place, [Rename(place.recordings_dir / _touch(place, wrong), RIGHT)])
     assert named(place) == [RIGHT]
     (place.recordings_dir / RIGHT).rename(place.recordings_dir / "BlauTücher_Free_pi16_0,5_R1.bag")
