@@ -3,17 +3,12 @@
 from __future__ import annotations
 
 import errno
-import struct
 import warnings
 from abc import ABC, abstractmethod
 from contextlib import contextmanager
-from functools import lru_cache
 from typing import TYPE_CHECKING, ClassVar
 
-from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat
-from rosbags.serde import SerdeError
-from rosbags.typesys import Stores, TypesysError, get_types_from_msg, get_typestore
-
+from garment_dataset.bags.definitions import UNREADABLE, reason, typestore_of
 from garment_dataset.bags.headers import ImageHeader, read_image
 from garment_dataset.bags.messages import ImageMessage, Message, Record, Topic
 from garment_dataset.errors import BagError, DataWarning, MessageError, SourceError
@@ -25,14 +20,8 @@ if TYPE_CHECKING:
     from typing import Self
 
     from rosbags.interfaces import Connection
-    from rosbags.interfaces.typing import Typesdict
-    from rosbags.typesys.store import Typestore
 
     from garment_dataset.bags.images import Kind
-
-# rosbags raises the first two on purpose; the others escape from its generated code and its assertions.
-_UNREADABLE = (SerdeError, TypesysError, AssertionError, ValueError, LookupError, ArithmeticError, struct.error)
-
 
 # Other numbers, such as that of a seek to a senseless place, and errors without one, come from the data
 _OF_THE_MACHINE = {
@@ -194,56 +183,18 @@ class Bag(ABC):
 
     def _deserialise(self, record: Record) -> object:
         data, connection = record.read().data, record.connection
-        store = _typestore(connection.msgtype, connection.msgdef)
+        store = typestore_of(connection.msgtype, connection.msgdef)
         if isinstance(store, str):
             raise MessageError("its definition cannot be used", found=store)
         deserialise = store.deserialize_cdr if self._cdr else store.deserialize_ros1
         try:
             return deserialise(data, connection.msgtype)
-        except _UNREADABLE as error:
+        except UNREADABLE as error:
             raise MessageError("cannot be read", found=reason(error)) from error
 
     def _check_open(self) -> None:
         if self._closed:
             raise BagError("is closed", where=self.path)
-
-
-@lru_cache(maxsize=256)
-def _typestore(message_type: str, definition: MessageDefinition) -> Typestore | str:
-    """Return a store that knows ``message_type`` by this definition and no other, or why it cannot be used.
-
-    Publishers of one topic may differ in their definitions, so each gets its own store; kept from bag to bag, because
-    generating the code of one takes some 20 ms. Old rosbag2 storage has no definitions: the types of ROS 2 Humble, the
-    last distribution to write it, stand in.
-    """
-    if definition.format is not MessageDefinitionFormat.MSG:
-        return get_typestore(Stores.ROS2_HUMBLE)
-    store = get_typestore(Stores.EMPTY)
-    try:
-        types = get_types_from_msg(definition.data, message_type)
-        _check_definition(types)
-        store.register(types)
-    except _UNREADABLE as error:
-        return reason(error)
-    return store
-
-
-def _check_definition(types: Typesdict) -> None:
-    """Refuse definitions of common types that lack a field, or have it as something else.
-
-    A damaged definition may well be readable: by it, another number would be read, or a field be missing where it is
-    used. Further fields are no damage.
-    """
-    for name, (_, fields) in types.items():
-        found = dict(fields)
-        known = [store.fielddefs[name][1] for store in _common_types() if name in store.fielddefs]
-        if known and not any(all(found.get(each) == kind for each, kind in common) for common in known):
-            raise TypesysError(f"The definition of {name} lacks fields of the common one.")
-
-
-@lru_cache(maxsize=1)
-def _common_types() -> tuple[Typestore, ...]:
-    return get_typestore(Stores.ROS1_NOETIC), get_typestore(Stores.ROS2_HUMBLE)
 
 
 def summarise(connections: Iterable[Connection]) -> dict[str, Topic]:
@@ -255,11 +206,6 @@ def summarise(connections: Iterable[Connection]) -> dict[str, Topic]:
         name: Topic(name, tuple(sorted({each.msgtype for each in same})), sum(each.msgcount for each in same))
         for name, same in sorted(by_name.items())
     }
-
-
-def reason(error: BaseException) -> str:
-    """Return what an exception says; failed assertions say nothing but their name."""
-    return str(error) or type(error).__name__
 
 
 @contextmanager

@@ -21,7 +21,9 @@ from rosbags.rosbag1 import Reader
 
 from garment_dataset.bags.bag import Bag, reporting, summarise
 from garment_dataset.bags.inflation import inflate
+from garment_dataset.bags.mapped import mapped
 from garment_dataset.bags.messages import Payload, Record
+from garment_dataset.bags.reindexed import Reindexed, index_anew
 from garment_dataset.bags.rosbag1_check import contradictions
 from garment_dataset.bags.rosbag1_records import CONNECTION, MAGIC, MESSAGE, read_record
 from garment_dataset.errors import BagError, MessageError
@@ -31,9 +33,10 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from rosbags.interfaces.typing import RPath
-    from rosbags.rosbag1.reader import Chunk, IndexData
+    from rosbags.rosbag1.reader import Chunk
 
-_REINDEX = "Run `rosbag reindex` on a copy of it."
+_SALVAGE = "`garment salvage` writes what can be saved to a new bag."
+_ANEW = "its index is missing or damaged; its messages are whole, and were read from the first to the last"
 _MOST_INFLATED_BYTES = 256 * 2**20  # rosbag writes chunks of 0.75 MiB unless told otherwise
 
 
@@ -43,7 +46,12 @@ class Rosbag1(Bag):
     Raises
     ------
     BagError
-        If the file is missing, empty, still being recorded, of another format, not indexed or damaged in its index.
+        If the file is missing, empty, still being recorded, of another format, or damaged in its index and elsewhere.
+
+    Attributes
+    ----------
+    is_indexed_anew : bool
+        Whether the index was made from the records, because the file lacks it while all messages are whole.
     """
 
     _cdr = False
@@ -51,15 +59,30 @@ class Rosbag1(Bag):
     def __init__(self, path: Path) -> None:
         super().__init__(path, [path])
         _check_magic(path)
-        with reporting(path, "its index cannot be read", _REINDEX):
-            self._content = _mapped(path)
-            reader = Reader(path)
-            reader.path = cast("RPath", _MappedPath(path))
-            with reader:
-                self._connections = {each.id: each for each in reader.connections}
-                self._index: Mapping[int, list[IndexData]] = dict(reader.indexes)
-                self._chunks: _Chunks | None = _Chunks(self._content, reader.chunks)
+        self.is_indexed_anew = False
+        with reporting(path, "cannot be opened", _SALVAGE):
+            self._content = mapped(path)
+        with reporting(path, "its index cannot be read", _SALVAGE):
+            connections, self._index, chunks = self._read_index()
+            self._connections = {each.id: each for each in connections}
+            self._chunks: _Chunks | None = _Chunks(self._content, chunks)
         self.topics = summarise(self._connections.values())
+
+    def _read_index(self) -> Reindexed:
+        """Return the bag's own index; or a new one if nothing else is wrong with it."""
+        try:
+            with reporting(self.path, "its index cannot be read", _SALVAGE):
+                reader = Reader(self.path)
+                reader.path = cast("RPath", _MappedPath(self.path))
+                with reader:
+                    return Reindexed(list(reader.connections), dict(reader.indexes), dict(reader.chunks))
+        except BagError as error:
+            with reporting(self.path, error.what, _SALVAGE):
+                anew = index_anew(self.path, self._content)
+            if anew is None:
+                raise
+            self.is_indexed_anew = True
+            return anew
 
     def _records(self, topics: Collection[str]) -> Iterator[Record]:
         self._check_open()
@@ -77,6 +100,8 @@ class Rosbag1(Bag):
         """Compare the index with what the chunks hold; inflates those that are not inflated yet."""
         self._check_open()
         assert self._chunks is not None
+        if self.is_indexed_anew:
+            return [_ANEW]
         return list(contradictions(self._content, self._index, self._chunks.places, self._chunks.content))
 
     def _read(self, connection_id: int, time_ns: int, chunk_position: int, offset: int) -> Payload:
@@ -115,11 +140,6 @@ class _MappedPath:
     def open(self, _: str) -> BinaryIO:
         with self._path.open("rb") as file:
             return cast("BinaryIO", mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
-
-
-def _mapped(path: Path) -> memoryview:
-    with path.open("rb") as file:
-        return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
 
 
 @dataclass(frozen=True, slots=True)
@@ -229,8 +249,8 @@ def _inflate(stored: _Stored) -> bytes:
 
 def _check_magic(path: Path) -> None:
     if path.suffix == ".active":
-        raise BagError("recording was not finished", where=path, hint=_REINDEX)
-    with reporting(path, "cannot be opened", _REINDEX), path.open("rb") as file:
+        raise BagError("recording was not finished", where=path, hint=_SALVAGE)
+    with reporting(path, "cannot be opened", _SALVAGE), path.open("rb") as file:
         found = file.read(len(MAGIC))
     if not found:
         raise BagError("is empty", where=path, hint="Record or copy it again.")

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
     from garment_dataset.bags.rosbag1_layout import Fields
 
-_REINDEX = "`rosbag reindex` on a copy makes a new index."
+_SALVAGE = "`garment salvage` writes a bag with a new index."
 
 
 @dataclass
@@ -102,12 +102,12 @@ def _of_layout(layout: BagLayout) -> Iterator[str]:
     listed = Counter(position for position, _ in layout.table)
     if unlisted := sorted(layout.chunks.keys() - listed.keys()):
         text = f"{len(unlisted)} of {len(layout.chunks)} chunks are not in its chunk table and are left out"
-        yield f"{text}, first that at byte {unlisted[0]}. {_REINDEX}"
+        yield f"{text}, first that at byte {unlisted[0]}. {_SALVAGE}"
     table = "its chunk table names"
     if repeated := [position for position, count in listed.items() if count > 1]:
-        yield f"{table} {len(repeated)} chunks more than once, first that at byte {repeated[0]}. {_REINDEX}"
+        yield f"{table} {len(repeated)} chunks more than once, first that at byte {repeated[0]}. {_SALVAGE}"
     if stray := sorted(listed.keys() - layout.chunks.keys()):
-        yield f"{table} {len(stray)} places that are within other records, first byte {stray[0]}. {_REINDEX}"
+        yield f"{table} {len(stray)} places that are within other records, first byte {stray[0]}. {_SALVAGE}"
     records = {position: len(counts) for position, counts in layout.table}
     if wrong := [at for at, count in layout.chunks.items() if count != records.get(at, count)]:
         found = f"expected {records[wrong[0]]}, found {layout.chunks[wrong[0]]}"
@@ -117,7 +117,7 @@ def _of_layout(layout: BagLayout) -> Iterator[str]:
     for name, plural in (("chunks", "chunks"), ("conns", "connections")):
         if layout.said[name] != numbers[name]:
             text = f"its header announces {layout.said[name]} {plural}, its index section has {numbers[name]}"
-            yield f"{text}. {_REINDEX}"
+            yield f"{text}. {_SALVAGE}"
 
 
 def _of_chunks(found: _Findings, layout: BagLayout) -> Iterator[str]:
@@ -131,10 +131,10 @@ def _of_chunks(found: _Findings, layout: BagLayout) -> Iterator[str]:
     connections = {**found.connections, **layout.connections}
     if found.unnamed:
         text = f"its index leaves out {len(found.unnamed)} messages that are there"
-        yield f"{text}, {_places(found.unnamed, connections)}. {_REINDEX}"
+        yield f"{text}, {_places(found.unnamed, connections)}. {_SALVAGE}"
     if found.absent:
         text = f"its index names {len(found.absent)} messages that are not there, or twice"
-        yield f"{text}, {_places(found.absent, connections)}. {_REINDEX}"
+        yield f"{text}, {_places(found.absent, connections)}. {_SALVAGE}"
     if found.miscounted:
         text = f"its chunk table counts other messages than {len(found.miscounted)} of {total} chunks hold"
         yield f"{text}, first that at byte {found.miscounted[0]}"

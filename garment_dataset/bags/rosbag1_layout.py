@@ -41,8 +41,8 @@ _USUAL_INDEX = re.compile(
     rb"\x2f\0\0\0(?:\x04\0\0\0op=\x04|\x08\0\0\0ver=.{4}|\x09\0\0\0conn=.{4}|\x0a\0\0\0count=.{4}){4}", re.DOTALL
 )
 _USUAL_MESSAGE_BYTES, _USUAL_INDEX_BYTES = 4 + 0x26, 4 + 0x2F
-_PAIR = struct.Struct("<II")
-_TOPIC = b"topic of the record"  # it stands in the header of a connection record, too
+PAIR = struct.Struct("<II")
+TOPIC = b"topic of the record"  # it stands in the header of a connection record, too
 
 Fields = dict[bytes, bytes]
 
@@ -116,7 +116,7 @@ def read_chunk(content: memoryview) -> ChunkContent:
                 check_op(record, (MESSAGE, CONNECTION))
                 end = record.data.stop
                 if record.fields[b"op"] == CONNECTION:
-                    _add_connection(found.connections, content, record)
+                    add_connection(found.connections, content, record)
                     waiting.append(position)
                 else:
                     entry = Entry(position, record.uint32(b"conn"), record.stamp_ns())
@@ -178,18 +178,19 @@ def _read_chunks(layout: BagLayout, content: memoryview, start: int, end: int) -
 def _read_index(layout: BagLayout, content: memoryview, _: int, start: int) -> None:
     for record in walk(content, start, len(content), (CONNECTION, CHUNK_INFO)):
         if record.fields[b"op"] == CONNECTION:
-            _add_connection(layout.connections, content, record)
+            add_connection(layout.connections, content, record)
         else:
             pairs = content[record.data]
-            if len(pairs) % _PAIR.size or len(pairs) // _PAIR.size != record.uint32(b"count"):
+            if len(pairs) % PAIR.size or len(pairs) // PAIR.size != record.uint32(b"count"):
                 raise MessageError(
                     "chunk table", where=f"byte {record.position}", found=f"{len(pairs)} bytes of counts"
                 )
-            layout.table.append((record.uint64(b"chunk_pos"), dict(_PAIR.iter_unpack(pairs))))
+            layout.table.append((record.uint64(b"chunk_pos"), dict(PAIR.iter_unpack(pairs))))
 
 
-def _add_connection(connections: dict[int, list[Fields]], content: memoryview, record: RosRecord) -> None:
-    said = read_fields(content, record.data.start, record.data.stop) | {_TOPIC: record.fields.get(b"topic", b"")}
+def add_connection(connections: dict[int, list[Fields]], content: memoryview, record: RosRecord) -> None:
+    """Add what a connection record says, unless it is known; MessageError if its data are no fields."""
+    said = read_fields(content, record.data.start, record.data.stop) | {TOPIC: record.fields.get(b"topic", b"")}
     known = connections.setdefault(record.uint32(b"conn"), [])
     if said not in known:
         known.append(said)
@@ -198,4 +199,4 @@ def _add_connection(connections: dict[int, list[Fields]], content: memoryview, r
 def topic_of(connections: Mapping[int, list[Fields]], number: int) -> str:
     """Name the topic of a connection, or its number."""
     said = connections.get(number)
-    return said[0][_TOPIC].decode(errors="replace") if said else f"connection {number}"
+    return said[0][TOPIC].decode(errors="replace") if said else f"connection {number}"

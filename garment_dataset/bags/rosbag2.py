@@ -9,11 +9,10 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
-from rosbags.rosbag2 import Reader
-
 from garment_dataset.bags.bag import Bag, reporting, summarise
 from garment_dataset.bags.messages import Payload, Record
 from garment_dataset.bags.rosbag2_check import check_lengths, check_mcap, check_metadata, check_sqlite
+from garment_dataset.bags.rosbag2_storage import METADATA, Rosbag2Reader
 from garment_dataset.errors import BagError, MessageError
 
 if TYPE_CHECKING:
@@ -37,13 +36,13 @@ class Rosbag2(Bag):
     def __init__(self, path: Path) -> None:
         files = sorted(each for each in path.iterdir() if each.is_file()) if path.is_dir() else [path]
         super().__init__(path, files)
-        if path.is_dir() and path / "metadata.yaml" not in files:
+        if path.is_dir() and path / METADATA not in files:
             raise BagError("is not a rosbag2 folder", where=path, expected="metadata.yaml in it", hint=_HINT)
         with reporting(path, "cannot be opened", _HINT):
             for file in files:
                 if file.suffix == ".mcap":
                     check_lengths(file)
-            self._reader = Reader(path)
+            self._reader = Rosbag2Reader(path)
             self._reader.open()
             if path.is_dir():  # one file is read after the other; which is the first, their stamps say
                 storages: list[Any] = cast("Any", self._reader.storage).storages
@@ -62,7 +61,7 @@ class Rosbag2(Bag):
         for each in storages:
             yield from check_sqlite(each) if hasattr(each, "dbconn") else check_mcap(each.path)
         if self.path.is_dir():
-            yield from check_metadata(storage, [file.name for file in self._files if file.name != "metadata.yaml"])
+            yield from check_metadata(storage, [file.name for file in self._files if file.name != METADATA])
 
     def _records(self, topics: Collection[str]) -> Iterator[Record]:
         self._check_open()

@@ -5,11 +5,11 @@ Metadata and summaries decide what is read: a message whose topic they do not li
 
 from __future__ import annotations
 
-import mmap
 from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from garment_dataset.bags.mapped import mapped
 from garment_dataset.bags.mcap_content import Chunk, McapContent, read_mcap, records, topic_of
 from garment_dataset.errors import BagError
 
@@ -36,18 +36,19 @@ def check_sqlite(storage: Any) -> Iterator[str]:  # noqa: ANN401 - rosbags' read
     BagError
         If its structure is damaged: a page taken for another's would be pixels of another image.
     """
-    where, size_bytes = Path(storage.path).name, Path(storage.path).stat().st_size
+    path = Path(storage.path)
+    where, size_bytes = path.name, path.stat().st_size
     hint = "Run `sqlite3 FILE .recover` on a copy of it."
     (((page_bytes,),), ((pages,),)) = (
         list(storage.dbconn.execute(f"PRAGMA page_{each}")) for each in ("size", "count")
     )
     if size_bytes != page_bytes * pages:  # SQLite fills a cut page up with zeros
         expected, found = f"{pages} pages of {page_bytes} bytes", f"{size_bytes} bytes"
-        raise BagError("its database is cut", where=storage.path, expected=expected, found=found, hint=hint)
+        raise BagError("its database is cut", where=path, expected=expected, found=found, hint=hint)
     ((found,), *_) = storage.dbconn.execute("PRAGMA integrity_check(1)")
     if found != "ok":
-        raise BagError("its database is damaged", where=storage.path, found=found, hint=hint)
-    log = Path(f"{storage.path}-wal")
+        raise BagError("its database is damaged", where=path, found=found, hint=hint)
+    log = Path(f"{path}-wal")
     if log.exists() and log.stat().st_size:
         yield f"{where}: messages in {log.name} are left out. Opening it once with `sqlite3` on a copy takes them over"
     kinds = "typeof(timestamp) != 'integer' OR typeof(data) != 'blob'"
@@ -62,7 +63,7 @@ def check_sqlite(storage: Any) -> Iterator[str]:  # noqa: ANN401 - rosbags' read
 
 def check_lengths(path: Path) -> None:
     """Refuse an mcap file with a record that does not fit (MessageError): rosbags allocates whatever one claims."""
-    for _ in records(_mapped(path)):
+    for _ in records(mapped(path)):
         pass
 
 
@@ -74,14 +75,9 @@ def check_mcap(path: Path) -> Iterator[str]:
     MessageError
         If a record does not fit, or a checksum is wrong.
     """
-    content = read_mcap(_mapped(path))
+    content = read_mcap(mapped(path))
     for text in (*_of_chunks(content), *_of_indexes(content), *_of_counts(content), *_of_descriptions(content)):
         yield f"{path.name}: {text}"
-
-
-def _mapped(path: Path) -> memoryview:
-    with path.open("rb") as file:
-        return memoryview(mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
 
 
 def _of_chunks(content: McapContent) -> Iterator[str]:

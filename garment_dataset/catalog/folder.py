@@ -10,6 +10,9 @@ from pathlib import Path
 from garment_dataset.catalog.names import BackgroundName, RecordingName, parse_bag_name
 from garment_dataset.errors import CatalogError, DataWarning, RecordingNameError
 
+SALVAGED = ".salvaged.bag"
+"""How the names of salvaged bags end, until they take the place of their originals."""
+
 
 @dataclass(frozen=True, slots=True)
 class FoundBag:
@@ -48,6 +51,8 @@ class FolderScan:
         Bags whose names the grammar does not admit.
     unfinished : tuple of Path
         ``.bag.active`` files, and rosbag2 storage without its ``metadata.yaml``.
+    salvaged : tuple of Path
+        ``.salvaged.bag`` files: copies of damaged bags, which are not used under that name.
     """
 
     folder: Path
@@ -55,6 +60,7 @@ class FolderScan:
     duplicates: tuple[Duplicate, ...]
     refused: tuple[tuple[Path, RecordingNameError], ...]
     unfinished: tuple[Path, ...]
+    salvaged: tuple[Path, ...] = ()
 
     @property
     def is_empty(self) -> bool:
@@ -92,9 +98,8 @@ def scan(folder: Path) -> FolderScan:
         used, *others = sorted(found, key=lambda bag: not bag.is_canonical) if len(found) > 1 else found
         bags.append(used)
         duplicates += [Duplicate(bag, used) for bag in others if not bag.path.samefile(used.path)]
-    return FolderScan(
-        folder, tuple(bags), tuple(duplicates), tuple(refused), tuple(map(Path, sorted(walked.unfinished)))
-    )
+    unfinished, salvaged = (tuple(map(Path, sorted(paths))) for paths in (walked.unfinished, walked.salvaged))
+    return FolderScan(folder, tuple(bags), tuple(duplicates), tuple(refused), unfinished, salvaged)
 
 
 @dataclass
@@ -103,11 +108,14 @@ class _Walked:
 
     finished: list[str] = field(default_factory=list)
     unfinished: list[str] = field(default_factory=list)
+    salvaged: list[str] = field(default_factory=list)
 
     def add(self, entry: os.DirEntry[str]) -> None:
         lower = entry.name.lower()
         if lower.endswith((".bag.active", ".db3", ".mcap")):
             self.unfinished.append(entry.path)
+        elif lower.endswith(SALVAGED):
+            self.salvaged.append(entry.path)
         elif lower.endswith(".bag"):
             if entry.is_symlink() and not Path(entry.path).exists():
                 warnings.warn(f"{entry.path}: a link to nothing, left out", DataWarning, stacklevel=5)

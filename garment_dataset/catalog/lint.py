@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
+from garment_dataset.catalog.folder import SALVAGED
 from garment_dataset.catalog.names import BackgroundName, RecordingName, parse_bag_name, repair_name
 from garment_dataset.errors import RecordingNameError
 
@@ -21,12 +22,15 @@ Code = Literal[
     "table-error",
     "misnamed",
     "duplicate",
+    "damaged",
+    "unindexed",
     "unfinished",
     "unexpected",
     "missing",
     "no-background",
     "orphaned",
     "unpaired",
+    "salvaged",
 ]
 Severity = Literal["error", "warning", "note"]
 
@@ -34,14 +38,20 @@ SEVERITIES: dict[Code, Severity] = {
     "table-error": "error",
     "misnamed": "error",
     "duplicate": "error",
+    "damaged": "error",
+    "unindexed": "warning",
     "unfinished": "warning",
     "unexpected": "warning",
     "missing": "warning",
     "no-background": "warning",
     "orphaned": "warning",
     "unpaired": "note",
+    "salvaged": "note",
 }
-"""All codes, in the order of a report; the codes are stable. Whoever knows the results finds what is ``orphaned``."""
+"""All codes, in the order of a report; the codes are stable.
+
+Whoever knows the results finds what is ``orphaned``; whoever opens bags, which are ``damaged`` or ``unindexed``.
+"""
 
 _MAX_COMPARISONS = 50_000
 """How many pairs of names may be compared letter by letter: about a second's worth."""
@@ -133,6 +143,10 @@ def _files(catalog: Catalog, known: _Known) -> Iterator[Finding]:
         yield _finding("duplicate", str(duplicate.bag.name), duplicate.bag.path, message, hint)
     for path in found.unfinished:
         yield _unfinished(path)
+    for path in found.salvaged:
+        name = path.name[: -len(SALVAGED)]
+        hint = f"To use it, move the damaged one out of the folder and rename this to {name}.bag."
+        yield _finding("salvaged", name, path, "what was saved of a damaged bag, not used under this name", hint)
 
 
 def _rows(catalog: Catalog, known: _Known) -> Iterator[Finding]:
@@ -168,7 +182,7 @@ def _unfinished(path: Path) -> Finding:
     except RecordingNameError:
         subject = path.name
     if path.suffix.lower() == ".active":
-        hint = "If no recorder is at work on it, `rosbag reindex` finishes a copy."
+        hint = "If no recorder is at work on it, `garment salvage` makes a whole bag of it."
         return _finding("unfinished", subject, path, "the recorder did not finish this bag", hint)
     hint = "If no recorder is at work on it, `ros2 bag reindex` on a copy of its folder writes one."
     return _finding("unfinished", subject, path, "rosbag2 storage without its metadata.yaml", hint)

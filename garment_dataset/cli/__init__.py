@@ -16,6 +16,7 @@ from garment_dataset.cli import (
     lint,
     mask,
     new,
+    salvage,
     score,
     show,
     simulate,
@@ -48,6 +49,7 @@ app.command("accept")(history.accept)
 app.command("log")(history.log)
 app.command("diff")(diff.diff)
 app.command("doctor")(doctor.doctor)
+app.command("salvage")(salvage.salvage)
 app.command("mask")(mask.mask)
 app.command("simulate")(simulate.simulate)
 app.command("score")(score.score)

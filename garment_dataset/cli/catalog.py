@@ -18,7 +18,7 @@ from garment_dataset.cli.output import (
 )
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from garment_dataset.catalog import Catalog, CatalogRow
     from garment_dataset.catalog.filters import Kind
@@ -40,16 +40,28 @@ def list_(
     known = read_quality(place.features_dir)
     found = [(row, known.get(row.recording, RecordingQuality())) for row in catalog.rows]
     shown = _wanted(catalog, found, filters or ())
+    damage = {row.recording: kind for row, _ in shown if (kind := _damage(row)) is not None}
     if as_json:
-        print_json([{**row.record(), **quality.record(), "why": quality.why} for row, quality in shown])
+        records = [{**row.record(), **quality.record(), "why": quality.why} for row, quality in shown]
+        print_json([{**record, "damage": damage.get(str(record["recording"]))} for record in records])
     elif as_csv:
         cells = [[*row.record().values(), *quality.record().values()] for row, quality in shown]
         print_csv([*catalog.filter_keys, "path", *QUALITY_KEYS], cells)
     else:
         columns = ["recording", "garment", "size [cm]", "weight [g]", "paired", "dvd", "state"]
         columns += ["quality", "coverage"] if known else []
-        print_table(columns, [_listed(row) + (_judged(quality) if known else []) for row, quality in shown])
-    _say_counts(catalog, [row for row, _ in shown])
+        print_table(columns, [_listed(row, damage) + (_judged(quality) if known else []) for row, quality in shown])
+    _say_counts(catalog, [row for row, _ in shown], damage)
+
+
+def _damage(row: CatalogRow) -> str | None:
+    """Return what is wrong with the bag of a recording, as far as its first and last bytes tell."""
+    if row.path is None:
+        return None
+    from garment_dataset.bags.condition import look
+
+    condition = look(row.path)
+    return None if condition is None else condition.kind
 
 
 def _wanted(
@@ -71,22 +83,29 @@ def _wanted(
     return shown
 
 
-def _listed(row: CatalogRow) -> list[object]:
+def _listed(row: CatalogRow, damage: Mapping[str, str]) -> list[object]:
     size = None if row.width_m is None or row.height_m is None else f"{row.width_m * 100:g}×{row.height_m * 100:g}"
     weight = None if row.weight_kg is None else row.weight_kg * 1000
     cloth = " ".join(filter(None, (row.color, row.garment_kind))) or row.garment
-    return [row.recording, cloth, size, weight, row.partner is not None, row.dvd, row.state]
+    return [row.recording, cloth, size, weight, row.partner is not None, row.dvd, _state(row, damage)]
+
+
+def _state(row: CatalogRow, damage: Mapping[str, str]) -> str | None:
+    return f"{row.state}, {damage[row.recording]}" if row.recording in damage else row.state
 
 
 def _judged(quality: RecordingQuality) -> list[object]:
     return [quality.quality, None if quality.coverage is None else f"{quality.coverage:.0%}"]
 
 
-def _say_counts(catalog: Catalog, rows: Sequence[CatalogRow]) -> None:
+def _say_counts(catalog: Catalog, rows: Sequence[CatalogRow], damage: Mapping[str, str]) -> None:
     """Say how many there are, on stderr; what could not be listed is said, too."""
     states = Counter(row.state for row in rows)
     counts = ", ".join(f"{count} {state}" for state, count in states.items())
     say(f"{len(rows)} recording{'s' * (len(rows) != 1)}{': ' * bool(counts)}{counts}")
+    if damage:
+        counts = ", ".join(f"{count} {kind}" for kind, count in Counter(damage.values()).items())
+        say(f"of these bags, {counts}: see `garment lint code=damaged,unindexed`")
     if used := sorted({row.topics_file for row in rows if row.axis == "B" and row.path is not None}):
         found = {number: catalog.background(number) for number in used}
         texts = (f"{number}: {'missing' if bag.path is None else bag}" for number, bag in found.items())

@@ -55,7 +55,7 @@ def lint_(
     place = Workspace.find(workspace)
     with ready_to_rename(place, to_apply=to_apply):
         catalog = Catalog.load(place.catalog_dir, strict=False).with_folder(place.recordings_dir)
-        everything = (*lint(catalog), *_orphaned(place))
+        everything = _in_order((*lint(catalog), *_damaged(catalog), *_orphaned(place)))
         findings = _selected(filters or (), catalog, everything)
         if to_rename:
             rename(place, catalog, findings, to_apply=to_apply, as_json=as_json)
@@ -93,6 +93,24 @@ def _print(
             print(printable(line.replace(f"{place.root}/", "")))
         agreed = f"no such finding among {len(everything)}" if everything else "names, tables and folder agree"
         print(", ".join(f"{count} {code}" for code, count in counts.items()) or agreed)
+
+
+def _in_order(findings: Sequence[Finding]) -> list[Finding]:
+    from garment_dataset.catalog.lint import SEVERITIES
+
+    order = list(SEVERITIES)
+    return sorted(findings, key=lambda finding: order.index(finding.code))
+
+
+def _damaged(catalog: Catalog) -> Iterator[Finding]:
+    """Yield what is wrong with bags, by their first and last bytes."""
+    from garment_dataset.bags.condition import look
+    from garment_dataset.catalog.lint import SEVERITIES, Code, Finding
+
+    for bag in () if catalog.found is None else catalog.found.bags:
+        if (condition := look(bag.path)) is not None:
+            code: Code = "unindexed" if condition.kind == "unindexed" else "damaged"
+            yield Finding(code, SEVERITIES[code], str(bag.name), str(bag.path), condition.text, condition.hint)
 
 
 def _orphaned(place: Workspace) -> Iterator[Finding]:

@@ -45,9 +45,9 @@ def show(
     if as_json:
         background = catalog.background(row.topics_file).record()
         more = {"topics": topics, "background": background, "holding_description": _holding(catalog, row)}
-        print_json({**row.record(), **more})
+        print_json({**row.record(), **more, "damage": [text for _, text in _damage(row)]})
         return
-    facts = [*_facts(catalog, row), *_topics(row, topics or ()), *_results(place, row)]
+    facts = [*_facts(catalog, row), *_damage(row), *_topics(row, topics or ()), *_results(place, row)]
     width = max(len(label) for label, _ in facts)
     for label, value in facts:
         print(f"{label:{width}}  {'-' if value is None else value}")
@@ -75,6 +75,14 @@ def refuse_picture(path: Path) -> None:
         raise UsageError("not a kind of picture", where=path, expected=" ".join(_PICTURES), found=repr(path.suffix))
     if not path.parent.is_dir():
         raise UsageError("no folder for a picture", where=path, expected="one that is there", found=path.parent)
+
+
+def _damage(row: CatalogRow) -> list[tuple[str, object]]:
+    from garment_dataset.bags.condition import look
+
+    if row.path is None or (condition := look(row.path)) is None:
+        return []
+    return [("damage", f"{condition.text}. {condition.hint}")]
 
 
 def _topics(row: CatalogRow, expected: Sequence[str]) -> list[tuple[str, object]]:

@@ -118,7 +118,7 @@ class SilhouetteParams(StageParams):
     )
 
     near_m: float = Field(
-        default=0.04,
+        default=0.15,
         ge=0,
         description="how near to the gripper's end point a garment must come; 0: anywhere",
     )

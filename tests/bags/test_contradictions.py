@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
     from pathlib import Path
 
-REINDEX = "`rosbag reindex` on a copy makes a new index."
+SALVAGE = "`garment salvage` writes a bag with a new index."
 
 
 @pytest.fixture(scope="module")
@@ -69,7 +69,7 @@ def test_an_index_entry_left_out(lie: Callable[..., list[str]], kind: str) -> No
 
     (text,) = lie(change, kind)
     assert text.startswith(f"its index leaves out 1 messages that are there, 1 of {DEPTH}; first at byte ")
-    assert text.endswith(f" of the chunk at byte 4109. {REINDEX}")
+    assert text.endswith(f" of the chunk at byte 4109. {SALVAGE}")
 
 
 def test_an_index_entry_given_twice(lie: Callable[..., list[str]]) -> None:
@@ -103,7 +103,7 @@ def test_a_chunk_that_is_in_no_table(lie: Callable[..., list[str]]) -> None:
         bag.chunks[0].listed_as = []
 
     text = "1 of 6 chunks are not in its chunk table and are left out, first that at byte 4109"
-    assert lie(change) == [f"{text}. {REINDEX}"]
+    assert lie(change) == [f"{text}. {SALVAGE}"]
 
 
 def test_a_chunk_that_is_in_its_table_twice(lie: Callable[..., list[str]]) -> None:
@@ -111,7 +111,7 @@ def test_a_chunk_that_is_in_its_table_twice(lie: Callable[..., list[str]]) -> No
         bag.chunks[0].listed_as *= 2
 
     twice, named = lie(change)
-    assert twice == f"its chunk table names 1 chunks more than once, first that at byte 4109. {REINDEX}"
+    assert twice == f"its chunk table names 1 chunks more than once, first that at byte 4109. {SALVAGE}"
     assert named.startswith("its index names ")
 
 
@@ -119,7 +119,7 @@ def test_a_header_that_announces_fewer_chunks(lie: Callable[..., list[str]]) -> 
     def change(bag: Ros1) -> None:
         bag.counts[1] = -1
 
-    assert lie(change) == [f"its header announces 5 chunks, its index section has 6. {REINDEX}"]
+    assert lie(change) == [f"its header announces 5 chunks, its index section has 6. {SALVAGE}"]
 
 
 def test_connections_that_change_places(lie: Callable[..., list[str]]) -> None:

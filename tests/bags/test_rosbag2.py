@@ -94,6 +94,55 @@ def test_files_of_a_split_recording_are_read_in_the_order_of_their_stamps(
 
 
 @pytest.mark.parametrize("storage", STORAGES)
+@pytest.mark.parametrize("name", ["what?", "50%", "#1", "a b&c=d", "%41"])
+@pytest.mark.parametrize("storage", STORAGES)
+def test_a_folder_or_file_of_any_name_is_read(
+    ros2: Any, write_rosbag2: WriteBag, storage: str, name: str, tmp_path: Path
+) -> None:
+    folder = write_rosbag2(entries(ros2), storage).rename(tmp_path / name)
+    check(folder)
+    file = next(folder.glob(f"*{SUFFIX[storage]}"))
+    check(file.rename(tmp_path / f"{name}{SUFFIX[storage]}"))
+
+
+@pytest.mark.parametrize("storage", STORAGES)
+def test_metadata_without_a_storage_identifier_are_completed(ros2: Any, write_rosbag2: WriteBag, storage: str) -> None:
+    """`ros2 bag reindex` has written such."""
+    folder = write_rosbag2(entries(ros2), storage)
+    metadata = folder / "metadata.yaml"
+    text = metadata.read_text()
+    metadata.write_text(text.replace(f"storage_identifier: {storage}", "storage_identifier: ''"))
+    assert metadata.read_text() != text
+    check(folder)
+    with open_bag(folder) as bag:
+        assert bag.contradictions() == []
+
+
+def test_files_that_name_no_storage_are_refused(ros2: Any, write_rosbag2: WriteBag) -> None:
+    folder = write_rosbag2(entries(ros2), "sqlite3")
+    metadata = folder / "metadata.yaml"
+    text = metadata.read_text().replace("storage_identifier: sqlite3", "storage_identifier: ''")
+    metadata.write_text(text.replace(".db3", ".dat"))
+    next(folder.glob("*.db3")).rename(next(folder.glob("*.db3")).with_suffix(".dat"))
+    with pytest.raises(BagError, match="Storage plugin '' not supported"):
+        open_bag(folder)
+
+
+def test_a_topic_in_another_serialisation_is_left_out_with_a_word(ros2: Any, write_rosbag2: WriteBag) -> None:
+    strange = ("/notes", STRING, START_NS, b"\0\1\0\0\0\0\0\0")
+    folder = write_rosbag2([*entries(ros2), strange], "sqlite3")
+    yaml, metadata = YAML(typ="safe"), folder / "metadata.yaml"
+    said = yaml.load(metadata.read_text())
+    for topic in said["rosbag2_bagfile_information"]["topics_with_message_count"]:
+        if topic["topic_metadata"]["name"] == "/notes":
+            topic["topic_metadata"]["serialization_format"] = "json"
+    with metadata.open("w") as file:
+        yaml.dump(said, file)
+    check(folder)
+    with open_bag(folder) as bag:
+        assert any("1 messages of /notes" in text and "left out" in text for text in bag.contradictions())
+
+
 def test_an_unreadable_message_is_left_out_with_a_warning(ros2: Any, write_rosbag2: WriteBag, storage: str) -> None:
     words = [ros2.serialise(STRING, word) for word in ("one", "two")]
     spoiled = words[0][:4] + b"\xff\xff\xff\x7f" + words[0][8:]

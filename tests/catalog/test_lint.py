@@ -7,6 +7,7 @@ import io
 import json
 import re
 import shutil
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,6 +18,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from typer.testing import CliRunner
 
+from garment_dataset.bags.rosbag1_writer import BagWriter
 from garment_dataset.catalog import ROW_KEYS, Catalog
 from garment_dataset.catalog.lint import SEVERITIES, lint
 from garment_dataset.errors import CatalogError, FilterError
@@ -44,13 +46,15 @@ def workspace(tmp_path: Path) -> Path:
 
 @pytest.fixture
 def put(workspace: Path) -> Callable[..., None]:
-    """Make empty bags in the workspace."""
+    """Make bags without messages in the workspace."""
+    content = io.BytesIO()
+    BagWriter(content, {}, "none").finish()
 
     def make(*names: str) -> None:
         for name in names:
             path = workspace / "recordings" / name
             path.parent.mkdir(parents=True, exist_ok=True)
-            path.touch()
+            path.write_bytes(content.getvalue())
 
     return make
 
@@ -248,10 +252,10 @@ def test_recordings_across_the_view_need_the_empty_scene(workspace: Path, put: C
 
 def test_findings_come_in_the_order_of_their_codes(workspace: Path, put: Callable[..., None]) -> None:
     edit(workspace / "catalog" / "recordings.csv", "1,e,d,no", "1,z,d,no")
-    put("a/My_Bag_1_R1.bag", "b/My_Bag_1_R1.bag", "My_Bag_1_B7.bag", "x.bag", "y.bag.active")
+    put("a/My_Bag_1_R1.bag", "b/My_Bag_1_R1.bag", "My_Bag_1_B7.bag", "x.bag", "y.bag.active", "z.salvaged.bag")
     codes = list(dict.fromkeys(finding.code for finding in findings_of(workspace)))
-    # what is orphaned, only the verb knows: it sees the results as well
-    assert codes == [code for code in SEVERITIES if code != "orphaned"]
+    # these only the verb knows: it sees the results, and opens bags
+    assert codes == [code for code in SEVERITIES if code not in ("orphaned", "damaged", "unindexed")]
 
 
 # The verbs
@@ -321,7 +325,7 @@ def test_show_tells_all_of_one_recording(garment: Run, put: Callable[..., None])
     assert ["garment", "GreenTowel (green towel, 0.6 × 0.36 m, 0.045 kg)"] in facts
     assert ["holding", "Free (at a random point)"] in facts
     assert ["partner", "GreenTowel_Free_pi16_0.5_B1 (missing)"] in facts
-    assert result.stdout.splitlines()[-1].startswith("topics       cannot be read: ")
+    assert result.stdout.splitlines()[-1].endswith("/r2_ee_to_rgb  not in the bag")
     expected = garment("show", "GreenTowel_Free_pi16_0.5_B1").stdout
     assert expected.splitlines()[-1].split() == ["/r2_ee_to_rgb", "(expected)"]
     shown = json.loads(garment("show", "GreenTowel_Free_pi16_0.5_R1", "--json").stdout)
@@ -368,6 +372,46 @@ def test_lint_names_what_is_missing_once_there_is_a_bag(garment: Run, put: Calla
     assert "    recordings/FelShirt_Free_pi16.0.5_B1.bag" in lines
     assert "    BlackShorts_Belt_pi16_0.5_R1" in lines
     assert lines[-1] == "1 misnamed, 45 missing, 6 unpaired"
+
+
+NAME = "GreenTowel_Free_pi16_0.5_R1"
+SOUND = io.BytesIO()
+BagWriter(SOUND, {}, "none").finish()
+INDEX_AT = struct.pack("<Q", 13 + 4096)
+
+
+@pytest.mark.parametrize(
+    ("content", "code", "state", "message"),
+    [
+        (b"", "damaged", "empty", "the file is empty"),
+        (b"PK\3\4 some archive of another kind", "damaged", "foreign", "not a ROS 1 bag"),
+        (SOUND.getvalue()[:4000], "damaged", "damaged", "its index cannot be followed"),
+        (SOUND.getvalue()[:13] + b"\xff" * 40, "damaged", "damaged", "its index cannot be followed"),
+        (SOUND.getvalue().replace(INDEX_AT, bytes(8)), "unindexed", "unindexed", "never written"),
+        (
+            SOUND.getvalue().replace(INDEX_AT, b"\xff" * 8),
+            "damaged",
+            "cut",
+            "its index would begin",
+        ),
+        (SOUND.getvalue() + b"???", "damaged", "cut", "cut in its index"),
+    ],
+)
+def test_a_bag_that_is_damaged_is_marked_by_every_verb(
+    garment: Run, put: Callable[..., None], workspace: Path, content: bytes, code: str, state: str, message: str
+) -> None:
+    put(f"{NAME}.bag", "BlueShirt_Free_pi16_0.5_R1.bag")
+    assert garment("lint", "code=damaged,unindexed").exit_code == 0
+    (workspace / "recordings" / f"{NAME}.bag").write_bytes(content)
+    linted = garment("lint", "code=damaged,unindexed")
+    assert linted.stdout.startswith(f"{code}: ")
+    assert linted.stdout.splitlines()[-1] == f"1 {code}"
+    assert message in linted.stdout
+    listed = garment("list", "state=present")
+    assert f"present, {state}" in listed.stdout
+    assert f"of these bags, 1 {state}" in listed.stderr
+    assert [each["damage"] for each in json.loads(garment("list", "state=present", "--json").stdout)] == [None, state]
+    assert message in garment("show", NAME).stdout
 
 
 def test_lint_ends_with_0_when_nothing_that_was_asked_for_is_found(garment: Run, put: Callable[..., None]) -> None:
