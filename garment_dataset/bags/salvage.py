@@ -70,7 +70,7 @@ class SalvageReport:
     cut_at : int or None
         Where the record begins that the end of the file cuts.
     lost_is_known : bool
-        Whether the bag's chunk table is whole, so that ``lost`` is all; else nothing tells how many more there were.
+        Whether all chunks are known by their index, so that ``lost`` is all; else nothing tells how many more there were.
     """
 
     path: Path
@@ -149,7 +149,9 @@ def salvage(path: Path, out: Path | None = None) -> SalvageReport:
 
 
 def _is_counted(scan: Scan) -> bool:
-    return bool(scan.table) and len(scan.table) == scan.said_chunks
+    """Return whether the chunk table, or the index records of as many chunks as there were, count all messages."""
+    named = [chunk for chunk in scan.chunks if chunk.entries]
+    return bool(scan.said_chunks) and scan.said_chunks in (len(scan.table), len(named))
 
 
 def _report_of_sound(path: Path) -> SalvageReport | None:
