@@ -70,7 +70,7 @@ class SalvageReport:
     cut_at : int or None
         Where the record begins that the end of the file cuts.
     lost_is_known : bool
-        Whether all chunks are known by their index, so that ``lost`` is all; else nothing tells how many more there were.
+        Whether all chunks are known by their index, so that ``lost`` is all; else there may be more.
     """
 
     path: Path

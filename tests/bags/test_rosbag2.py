@@ -93,7 +93,6 @@ def test_files_of_a_split_recording_are_read_in_the_order_of_their_stamps(
         assert bag.contradictions() == []
 
 
-@pytest.mark.parametrize("storage", STORAGES)
 @pytest.mark.parametrize("name", ["what?", "50%", "#1", "a b&c=d", "%41"])
 @pytest.mark.parametrize("storage", STORAGES)
 def test_a_folder_or_file_of_any_name_is_read(
@@ -143,6 +142,7 @@ def test_a_topic_in_another_serialisation_is_left_out_with_a_word(ros2: Any, wri
         assert any("1 messages of /notes" in text and "left out" in text for text in bag.contradictions())
 
 
+@pytest.mark.parametrize("storage", STORAGES)
 def test_an_unreadable_message_is_left_out_with_a_warning(ros2: Any, write_rosbag2: WriteBag, storage: str) -> None:
     words = [ros2.serialise(STRING, word) for word in ("one", "two")]
     spoiled = words[0][:4] + b"\xff\xff\xff\x7f" + words[0][8:]
