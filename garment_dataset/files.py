@@ -6,7 +6,7 @@ import re
 import reprlib
 import stat
 import tomllib
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple, get_args, get_origin
 
 from pydantic import BaseModel
 
@@ -93,10 +93,21 @@ def first_fault(error: ValidationError, model: type[BaseModel]) -> Fault:
 
 def _fields_at(model: type[BaseModel], path: tuple[str | int, ...]) -> list[str]:
     """Return the names that a table of a file may have."""
+    place: object = model
     for part in path:
-        field = model.model_fields.get(str(part))
-        inner = None if field is None else field.annotation
-        if not isinstance(inner, type) or not issubclass(inner, BaseModel):
-            return []
-        model = inner
-    return list(model.model_fields)
+        inner = _model_in(place)
+        if inner is not None:
+            field = inner.model_fields.get(str(part))
+            place = None if field is None else field.annotation
+        else:  # a table whose names are free: what each of them stands for
+            place = get_args(place)[1] if get_origin(place) is dict else None
+    found = _model_in(place)
+    return [] if found is None else list(found.model_fields)
+
+
+def _model_in(annotation: object) -> type[BaseModel] | None:
+    """Return the model that an annotation is, or that it is one of with None."""
+    for each in (annotation, *get_args(annotation)):
+        if isinstance(each, type) and issubclass(each, BaseModel) and get_origin(annotation) is not dict:
+            return each
+    return None

@@ -12,7 +12,7 @@ from garment_dataset.bags.bag import Bag
 from garment_dataset.bags.camera import Camera, read_camera
 from garment_dataset.bags.gripper import GripperTrack, read_gripper
 from garment_dataset.bags.images import AS_SAID, DepthReading, Kind
-from garment_dataset.bags.messages import ImageMessage, Message, Topic
+from garment_dataset.bags.messages import Glance, ImageMessage, Message, Topic
 from garment_dataset.bags.rosbag1 import Rosbag1
 from garment_dataset.bags.transforms import LookupFailedError, Transform, TransformTree
 from garment_dataset.errors import BagError
@@ -25,6 +25,7 @@ __all__ = [
     "Bag",
     "Camera",
     "DepthReading",
+    "Glance",
     "GripperTrack",
     "ImageMessage",
     "Kind",

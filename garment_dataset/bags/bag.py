@@ -6,11 +6,12 @@ import errno
 import warnings
 from abc import ABC, abstractmethod
 from contextlib import contextmanager
+from hashlib import blake2b
 from typing import TYPE_CHECKING, ClassVar
 
-from garment_dataset.bags.definitions import UNREADABLE, reason, typestore_of
-from garment_dataset.bags.headers import ImageHeader, read_image
-from garment_dataset.bags.messages import ImageMessage, Message, Record, Topic
+from garment_dataset.bags.definitions import UNREADABLE, leading_header, reason, typestore_of
+from garment_dataset.bags.headers import ImageHeader, read_image, read_stamp_ns
+from garment_dataset.bags.messages import Glance, ImageMessage, Message, Record, Topic
 from garment_dataset.errors import BagError, DataWarning, MessageError, SourceError
 
 if TYPE_CHECKING:
@@ -22,6 +23,8 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
     from garment_dataset.bags.images import Kind
+
+_WHOLE_BYTES, _END_BYTES = 4096, 256  # of longer messages, a glance takes both ends: reading images takes seconds
 
 # Other numbers, such as that of a seek to a senseless place, and errors without one, come from the data
 _OF_THE_MACHINE = {
@@ -99,6 +102,16 @@ class Bag(ABC):
         if topic not in self.topics:
             raise BagError("no such topic", where=self.path, expected=topic, found=", ".join(self.topics))
         return (self._image(index, record, kind) for index, record in enumerate(self._records({topic})))
+
+    def glances(self, topic: str) -> Iterator[Glance]:
+        """Yield what the first and the last bytes of each message of a topic tell; a topic that is missing has none.
+
+        Raises
+        ------
+        BagError
+            If the bag is closed, or (rosbag2 only) if its storage is damaged.
+        """
+        return (self._glance(record) for record in self._records({topic}))
 
     def messages(self, *topics: str) -> Iterator[Message]:
         """Yield the deserialised messages of the named topics; a topic that the bag lacks has none.
@@ -180,6 +193,18 @@ class Bag(ABC):
             record,
             header,
         )
+
+    def _glance(self, record: Record) -> Glance:
+        connection = record.connection
+        leading = leading_header(connection.msgtype, connection.msgdef)
+        try:
+            data = record.read().data
+            ends = (len(data).to_bytes(8), data[:_END_BYTES], data[-_END_BYTES:] if len(data) > _WHOLE_BYTES else data)
+            digest = blake2b(b"".join(ends), digest_size=16).digest()
+            stamp_ns = None if leading is None else read_stamp_ns(data, leading, cdr=self._cdr)
+        except MessageError as error:
+            return Glance(record.stamp_ns, None, b"", str(error))
+        return Glance(record.stamp_ns, stamp_ns, digest, None)
 
     def _deserialise(self, record: Record) -> object:
         data, connection = record.read().data, record.connection

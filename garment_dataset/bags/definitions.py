@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 from functools import lru_cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 from rosbags.interfaces import MessageDefinition, MessageDefinitionFormat, Nodetype
 from rosbags.serde import SerdeError
@@ -45,6 +45,28 @@ def typestore_of(message_type: str, definition: MessageDefinition) -> Typestore 
     except UNREADABLE as error:
         return reason(error)
     return store
+
+
+_HEADER = "std_msgs/msg/Header"
+
+Leading = Literal["header", "headers"]
+"""What a message begins with: a header, or the number of its parts, each of which begins with one, as transforms do."""
+
+
+@lru_cache(maxsize=256)
+def leading_header(message_type: str, definition: MessageDefinition) -> Leading | None:
+    """Return how messages of this definition begin; None when not with a header, or when it cannot be used."""
+    store = typestore_of(message_type, definition)
+    if isinstance(store, str) or message_type not in store.fielddefs:
+        return None
+    fields = store.fielddefs[message_type][1]
+    first = fields[0][1] if fields else None
+    if first == (Nodetype.NAME, _HEADER):
+        return "header"
+    if first is None or first[0] != Nodetype.SEQUENCE or first[1][0][0] != Nodetype.NAME:
+        return None
+    parts = store.fielddefs[str(first[1][0][1])][1]
+    return "headers" if parts and parts[0][1] == (Nodetype.NAME, _HEADER) else None
 
 
 def _check_definition(types: Typesdict) -> None:

@@ -33,6 +33,8 @@ from garment_dataset.errors import MessageError
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from garment_dataset.bags.definitions import Leading
+
 Decode = Callable[[memoryview, DepthReading], "NDArray[Any]"]
 
 _MOST_TEXT_BYTES = 256  # frame ids and encodings are names; what is longer is damage
@@ -195,6 +197,10 @@ _READERS: dict[str, Callable[[_Fields, ImageHeader, Kind], Decode]] = {
 }
 
 
+IMAGES = tuple(_READERS)
+"""Message types of images."""
+
+
 def read_image(data: memoryview, message_type: str, kind: Kind, *, cdr: bool) -> ImageHeader:
     """Read what a serialised image message says of itself, and check that it fits together.
 
@@ -227,3 +233,31 @@ def read_image(data: memoryview, message_type: str, kind: Kind, *, cdr: bool) ->
     except MessageError as error:
         header.fault = str(error)
     return header
+
+
+def read_stamp_ns(data: memoryview, leading: Leading, *, cdr: bool) -> int | None:
+    """Read the stamp that a serialised message begins with; of a list of parts, that of the first.
+
+    Parameters
+    ----------
+    data : memoryview
+        The whole message, in ROS 1 serialisation or in plain CDR (ROS 2).
+    leading : {"header", "headers"}
+        What it begins with.
+    cdr : bool
+        Whether the message is in CDR.
+
+    Returns
+    -------
+    int or None
+        Nanoseconds since the Unix epoch; None when the list is empty.
+
+    Raises
+    ------
+    MessageError
+        If the message ends before, or the stamp is none.
+    """
+    fields = _Fields(data, cdr=cdr)
+    if leading == "headers" and not fields.length("number of parts"):
+        return None
+    return fields.stamp_ns()

@@ -76,6 +76,27 @@ class Message:
     data: Any
 
 
+class Glance(NamedTuple):
+    """What the first and the last bytes of a message tell.
+
+    Parameters
+    ----------
+    record_stamp_ns : int
+        When the recorder received it.
+    stamp_ns : int or None
+        Header stamp; None when its type has none, or it cannot be read.
+    digest : bytes
+        Of its length, its beginning and its end: messages that differ in it differ.
+    fault : str or None
+        Why it cannot be read, in one line.
+    """
+
+    record_stamp_ns: int
+    stamp_ns: int | None
+    digest: bytes
+    fault: str | None
+
+
 @dataclass(frozen=True, slots=True)
 class ImageMessage:
     """One image message; its pixels are touched only by :meth:`pixels`.

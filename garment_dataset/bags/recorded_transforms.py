@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from garment_dataset.bags.bag import Bag
 
-_TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
+TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
 """Types of the transforms' topics."""
 
 
@@ -73,8 +73,8 @@ class RecordedTransforms:
         """
         tree, left_out, moving = TransformTree(), Counter[str](), list[_Recorded]()
         for message in self.bag.messages(self.tf_topic, self.tf_static_topic):
-            if message.type not in _TRANSFORMS:
-                left_out[f"{message.topic}, of type {message.type} instead of {' or '.join(_TRANSFORMS)}"] += 1
+            if message.type not in TRANSFORMS:
+                left_out[f"{message.topic}, of type {message.type} instead of {' or '.join(TRANSFORMS)}"] += 1
                 continue
             for stamped in message.data.transforms:
                 if message.topic == self.tf_static_topic:

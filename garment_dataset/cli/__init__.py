@@ -10,6 +10,7 @@ import typer
 from garment_dataset.cli import (
     build,
     catalog,
+    check,
     diff,
     doctor,
     history,
@@ -39,6 +40,7 @@ app.command("init")(workspace.init)
 app.command("list")(catalog.list_)
 app.command("show")(show.show)
 app.command("lint")(lint.lint_)
+app.command("check")(check.check)
 app.command("build")(build.build)
 app.command("status")(status.status)
 app.command("why")(status.why)
