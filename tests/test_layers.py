@@ -29,7 +29,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "view": {"bags", "catalog", "errors", "features", "layout"},
     "simulate": {"catalog", "engine", "errors"},
     "doctor": {"catalog", "engine", "layout"},
-    "checks": {"bags", "engine", "errors", "files"},
+    "checks": {"bags", "catalog", "engine", "errors", "files", "layout"},
     "cli": {
         *(
             "bags",

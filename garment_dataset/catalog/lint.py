@@ -23,6 +23,14 @@ Code = Literal[
     "misnamed",
     "duplicate",
     "damaged",
+    "copied",
+    "axis-contradicted",
+    "swing-contradicted",
+    "speed-contradicted",
+    "colour-contradicted",
+    "length-contradicted",
+    "differs-from-repeats",
+    "repeats-reversed",
     "unindexed",
     "unfinished",
     "unexpected",
@@ -31,6 +39,7 @@ Code = Literal[
     "orphaned",
     "unpaired",
     "salvaged",
+    "unmeasured",
 ]
 Severity = Literal["error", "warning", "note"]
 
@@ -39,6 +48,14 @@ SEVERITIES: dict[Code, Severity] = {
     "misnamed": "error",
     "duplicate": "error",
     "damaged": "error",
+    "copied": "error",
+    "axis-contradicted": "error",
+    "swing-contradicted": "error",
+    "speed-contradicted": "error",
+    "colour-contradicted": "warning",
+    "length-contradicted": "warning",
+    "differs-from-repeats": "warning",
+    "repeats-reversed": "warning",
     "unindexed": "warning",
     "unfinished": "warning",
     "unexpected": "warning",
@@ -47,10 +64,12 @@ SEVERITIES: dict[Code, Severity] = {
     "orphaned": "warning",
     "unpaired": "note",
     "salvaged": "note",
+    "unmeasured": "note",
 }
 """All codes, in the order of a report; the codes are stable.
 
-Whoever knows the results finds what is ``orphaned``; whoever opens bags, which are ``damaged`` or ``unindexed``.
+Whoever knows the results finds what is ``orphaned``; whoever opens bags, which are ``damaged`` or ``unindexed``; and
+whoever reads them, what contradicts their names.
 """
 
 _MAX_COMPARISONS = 50_000

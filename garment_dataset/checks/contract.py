@@ -8,6 +8,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Field, NonNegativeFl
 
 from garment_dataset.errors import CatalogError
 from garment_dataset.files import first_fault, read_toml
+from garment_dataset.layout import packaged_workspace
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -144,6 +145,18 @@ class Contract(_Rule):
         recording = self.recording.model_copy(update={"duration_s": (0.0, self.recording.duration_s[1])})
         update = {"recording": recording, "topics": topics, "images": ImagesRule(color=color)}
         return self.model_copy(update={**update, "gripper": None, "background": BackgroundRule(axes=())})
+
+
+def contract_of(catalog_dir: Path) -> Contract:
+    """Read the contract of a catalog; of one without, that of the package.
+
+    Raises
+    ------
+    CatalogError
+        See :func:`read_contract`.
+    """
+    own = catalog_dir / CONTRACT
+    return read_contract(own if own.exists() else packaged_workspace() / "catalog" / CONTRACT)
 
 
 def read_contract(path: Path) -> Contract:

@@ -57,14 +57,14 @@ def check(
     as_json: JsonOption = False,
 ) -> None:
     """Hold recordings against the contract; exit with 1 when one breaks it."""
-    from garment_dataset.checks.contract import CONTRACT, read_contract
+    from garment_dataset.checks.contract import CONTRACT, contract_of, read_contract
     from garment_dataset.layout import Layout, packaged_workspace, workspace_above
 
     _refuse_mixtures({"--out": out is not None, "--overwrite": overwrite}, learns=learns)
     place = Layout.find(workspace) if workspace or workspace_above(Path.cwd()) else None
     own = None if place is None else place.catalog_dir / CONTRACT
-    usual = packaged_workspace() / "catalog" / CONTRACT
-    rules = read_contract(contract or (own if own is not None and own.exists() else usual))
+    folder = packaged_workspace() / "catalog" if place is None else place.catalog_dir
+    rules = contract_of(folder) if contract is None else read_contract(contract)
     subjects = _subjects(what or [], place)
     if learns:
         _learn(subjects, rules, out or own, overwrite=overwrite)

@@ -16,7 +16,7 @@ from garment_dataset.cli.output import (
     print_json,
     say,
 )
-from garment_dataset.errors import GarmentError, UsageError, printable
+from garment_dataset.errors import BagError, GarmentError, SourceError, UsageError, printable
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -39,6 +39,9 @@ def lint_(
     ] = None,
     workspace: WorkspaceOption = None,
     as_json: JsonOption = False,
+    to_read: Annotated[
+        bool, typer.Option("--content", help="Read the bags, and hold their names against what they show.")
+    ] = False,
     to_rename: Annotated[
         bool, typer.Option("--rename", help="Print the renames that findings propose, instead of the findings.")
     ] = False,
@@ -55,7 +58,8 @@ def lint_(
     place = Workspace.find(workspace)
     with ready_to_rename(place, to_apply=to_apply):
         catalog = Catalog.load(place.catalog_dir, strict=False).with_folder(place.recordings_dir)
-        everything = _in_order((*lint(catalog), *_damaged(catalog), *_orphaned(place)))
+        content = _contradicted(place, catalog) if to_read else ()
+        everything = _in_order((*lint(catalog), *_damaged(catalog), *_orphaned(place), *content))
         findings = _selected(filters or (), catalog, everything)
         if to_rename:
             rename(place, catalog, findings, to_apply=to_apply, as_json=as_json)
@@ -111,6 +115,27 @@ def _damaged(catalog: Catalog) -> Iterator[Finding]:
         if (condition := look(bag.path)) is not None:
             code: Code = "unindexed" if condition.kind == "unindexed" else "damaged"
             yield Finding(code, SEVERITIES[code], str(bag.name), str(bag.path), condition.text, condition.hint)
+
+
+def _contradicted(place: Workspace, catalog: Catalog) -> Iterator[Finding]:
+    """Yield where bags do not show what their names say; all are read, as some are known by comparison only."""
+    from garment_dataset.catalog.lint import SEVERITIES, Finding
+    from garment_dataset.checks.content import read_content
+    from garment_dataset.checks.contract import contract_of
+    from garment_dataset.checks.names import compare
+    from garment_dataset.checks.naming import Measured
+
+    contract, measured = contract_of(place.catalog_dir), []
+    rows = [row for row in catalog.rows if row.path is not None]
+    say(f"reading {len(rows)} bags")
+    for row in rows:
+        assert row.path is not None
+        try:
+            measured.append(Measured(row, read_content(row.path, contract)))
+        except (BagError, SourceError) as error:
+            text = f"not held against its content: it cannot be read ({error.what})"
+            yield Finding("unmeasured", SEVERITIES["unmeasured"], row.recording, str(row.path), text, None)
+    yield from compare(measured, catalog.tables.garments)
 
 
 def _orphaned(place: Workspace) -> Iterator[Finding]:

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
 
 Noise = Literal["none", "xtion"]
 _BACKGROUND_S = 3.0
+_REPEAT_NS = 90 * 10**9  # from the begin of one repeat to that of the next
 
 
 @dataclass(frozen=True, slots=True)
@@ -120,6 +121,15 @@ def simulate_recording(
     return making.write_garment(parsed, SCALES[scale], Catalog.load() if catalog is None else catalog)
 
 
+def begin_ns(name: str, seed: int) -> int:
+    """Return when a recording begins; the repeats of one movement begin one after the other, by their numbers."""
+    parsed = parse_bag_name(name)
+    repeat = parsed.repeat if isinstance(parsed, RecordingName) else None
+    session = name if repeat is None else name.replace(f"_{repeat:02}_", "_", 1).replace(f"_{repeat:04}_", "_", 1)
+    digest = hashlib.sha256(f"{seed}/{session}".encode()).digest()
+    return start_ns(int.from_bytes(digest[-4:], "little")) + (repeat or 0) * _REPEAT_NS
+
+
 def random_streams(name: str, seed: int) -> dict[str, np.random.Generator]:
     """Return independent random numbers for each part of a recording, the same for the same name and seed."""
     digest = hashlib.sha256(f"{seed}/{name}".encode()).digest()
@@ -137,7 +147,7 @@ class _Making:
         self._name, self._folder, self._seed = name, folder, seed
         self._noise, self._frames, self._compression = noise, frames, compression
         self._random = random_streams(name, seed)
-        self._begin_ns = start_ns(int.from_bytes(hashlib.sha256(f"{seed}/{name}".encode()).digest()[-4:], "little"))
+        self._begin_ns = begin_ns(name, seed)
         self._depth_sensor = DepthSensor(self._random["depth"]) if noise == "xtion" else None
         self._color_sensor = ColorSensor(self._random["color"]) if noise == "xtion" else None
 
