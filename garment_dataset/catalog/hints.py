@@ -77,6 +77,18 @@ def nearest_to_glob(pattern: str, words: Collection[str]) -> str | None:
     return None if nearest is None or likeness(nearest)[0] < _MIN_SHARE else nearest
 
 
+def nearest_names(name: str, known: Collection[str], most: int = 3) -> list[str]:
+    """Return the known names that look most like one that is not, or like a part of one; the nearest first."""
+    if len(known) > _MAX_WORDS:
+        return []
+    folded = {each.casefold(): each for each in reversed(list(known))}
+    if name.casefold() in folded:
+        return [folded[name.casefold()]]
+    found = difflib.get_close_matches(name.casefold(), list(folded), n=most, cutoff=0.8)
+    part = None if found else nearest_to_glob(name, known)
+    return [folded[each] for each in found] if part is None else [part]
+
+
 def _known(key: str, records: Iterable[Mapping[str, object]], units: Mapping[str, str]) -> str:
     """Say which values of a key there are."""
     values = [value for record in records if isinstance(value := record[key], int | float)]

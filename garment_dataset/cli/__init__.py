@@ -17,6 +17,7 @@ from garment_dataset.cli import (
     lint,
     mask,
     new,
+    record_plan,
     salvage,
     score,
     show,
@@ -52,6 +53,7 @@ app.command("log")(history.log)
 app.command("diff")(diff.diff)
 app.command("doctor")(doctor.doctor)
 app.command("salvage")(salvage.salvage)
+app.command("record-plan")(record_plan.record_plan)
 app.command("mask")(mask.mask)
 app.command("simulate")(simulate.simulate)
 app.command("score")(score.score)
