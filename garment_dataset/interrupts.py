@@ -11,7 +11,7 @@ import contextlib
 import os
 import signal
 import sys
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -19,8 +19,18 @@ if TYPE_CHECKING:
 
 _SIGNALS = [getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if hasattr(signal, name)]
 _SHOW_CURSOR = "\r\x1b[K\x1b[?25h"  # a progress bar hides it
-_cleanups: list[tuple[Callable[[], None], str]] = []
 _ending: list[int] = []
+
+
+class _Scope(NamedTuple):
+    """What a signal does while something is going on; the outermost exit code that is not None counts."""
+
+    cleanup: Callable[[], None]
+    message: str
+    exit_code: int | None
+
+
+_scopes: list[_Scope] = []
 
 
 def install() -> None:
@@ -41,11 +51,30 @@ def cleaning_up(cleanup: Callable[[], None], message: str) -> Iterator[None]:
     message : str
         For the person at the terminal.
     """
-    _cleanups.append((cleanup, message))
+    with _during(_Scope(cleanup, message, None)):
+        yield
+
+
+@contextlib.contextmanager
+def stopping_well(message: str) -> Iterator[None]:
+    """Have a signal be the way to stop what goes on meanwhile: a line is said, and the exit code is 0.
+
+    Parameters
+    ----------
+    message : str
+        For the person at the terminal.
+    """
+    with _during(_Scope(lambda: None, message, 0)):
+        yield
+
+
+@contextlib.contextmanager
+def _during(scope: _Scope) -> Iterator[None]:
+    _scopes.append(scope)
     try:
         yield
     finally:
-        _cleanups.pop()
+        _scopes.pop()
 
 
 def _end(number: int, _: FrameType | None) -> None:
@@ -57,10 +86,10 @@ def _end(number: int, _: FrameType | None) -> None:
 
         for child in multiprocessing.active_children():
             child.kill()
-    for cleanup, message in reversed(_cleanups):
+    for scope in reversed(_scopes):
         with contextlib.suppress(Exception):
-            cleanup()
+            scope.cleanup()
         with contextlib.suppress(OSError):
-            text = f"{_SHOW_CURSOR if os.isatty(2) else ''}garment: {message}\n"
+            text = f"{_SHOW_CURSOR if os.isatty(2) else ''}garment: {scope.message}\n"
             os.write(2, text.encode())
-    os._exit(128 + number)
+    os._exit(next((scope.exit_code for scope in _scopes if scope.exit_code is not None), 128 + number))

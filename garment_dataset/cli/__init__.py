@@ -24,6 +24,7 @@ from garment_dataset.cli import (
     simulate,
     status,
     storage,
+    watch,
     workspace,
 )
 from garment_dataset.cli.output import say, show_warning, take_any_text
@@ -54,6 +55,7 @@ app.command("diff")(diff.diff)
 app.command("doctor")(doctor.doctor)
 app.command("salvage")(salvage.salvage)
 app.command("record-plan")(record_plan.record_plan)
+app.command("watch")(watch.watch)
 app.command("mask")(mask.mask)
 app.command("simulate")(simulate.simulate)
 app.command("score")(score.score)
