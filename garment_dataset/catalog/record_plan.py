@@ -173,7 +173,7 @@ def _topics(catalog: Catalog, number: int) -> tuple[Path, tuple[str, ...]]:
 
 
 def _refuse_topics(path: Path, topics: tuple[str, ...]) -> None:
-    """Refuse what the recorder would take for something else, or record twice."""
+    """Refuse what the recorder would wait for in vain, or what a shell or the recorder takes for something else."""
     form = "topics from the root, such as /xtion1/depth/image_raw, a line each"
     if not topics:
         raise CatalogError("a topics file without topics", where=path, expected=form, found="nothing")

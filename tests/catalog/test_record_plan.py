@@ -7,7 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from garment_dataset.catalog import Catalog
@@ -174,6 +174,24 @@ def test_any_text_is_planned_or_refused_in_one_line(text: str) -> None:
     except CatalogError as error:
         message = str(error)
     assert len(message.splitlines()) == 1
+
+
+@settings(max_examples=50, deadline=None)
+@given(content=st.binary(max_size=60) | st.text("/ab_#\n ", max_size=40).map(str.encode))
+def test_any_topics_file_is_used_or_refused_in_one_line(
+    content: bytes, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    folder = tmp_path_factory.mktemp("any")
+    shutil.copytree(packaged_workspace() / "catalog", folder, dirs_exist_ok=True)
+    (folder / "topics" / "1.txt").write_bytes(content)
+    topics, message = ["/tf"], "planned"
+    try:
+        topics = list(plan_recording(Catalog.load(folder).with_folder(folder / "nowhere"), DEPTH).topics)
+    except CatalogError as error:
+        message = str(error)
+    assert len(message.splitlines()) == 1
+    assert len(set(topics)) == len(topics) > 0
+    assert all(topic.startswith("/") and topic.isprintable() for topic in topics)
 
 
 def test_a_folder_that_no_terminal_shows_is_refused(tables: Path, tmp_path: Path) -> None:
