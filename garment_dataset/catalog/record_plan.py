@@ -224,7 +224,8 @@ def _about_background(row: CatalogRow, background: BackgroundSource) -> str:
 
 def _afterwards(catalog: Catalog, row: CatalogRow | None, path: Path) -> Iterator[str]:
     """Yield the commands that tell whether the bag is good, use it, and plan its other half."""
-    yield f"garment check {shlex.quote(str(path))}"
+    made = path if row is None or row.path is None else row.path
+    yield f"garment check {shlex.quote(str(made))}"
     yield f"garment lint {path.stem}"
     if row is None:
         yield f"garment build axis=B topics_file={parse_bag_name(path.stem).topics_file}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import time
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -13,7 +14,7 @@ from garment_dataset.cli.output import FiltersArgument, WorkspaceOption, say
 from garment_dataset.errors import GarmentError, UsageError, printable
 
 if TYPE_CHECKING:
-    from collections.abc import Hashable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
 
     from garment_dataset.catalog.folder import FolderScan
     from garment_dataset.engine.events import Report
@@ -43,6 +44,7 @@ def watch(
 
     _refuse_seconds("--settle-s", settle_s, least_s=0.0)
     _refuse_seconds("--poll-s", poll_s, least_s=0.1)
+    warnings.showwarning = _shown_once(warnings.showwarning)
     watcher = _Watcher(Workspace.find(workspace), filters or (), settle_s, jobs)
     watcher.check()
     if once:
@@ -63,6 +65,18 @@ def _refuse_seconds(option: str, value_s: float, *, least_s: float) -> None:
     if not least_s <= value_s <= _LONGEST_S:  # nor nan, which is neither more nor less
         expected = f"{least_s:g} to {_LONGEST_S:g} seconds"
         raise UsageError(f"no time for {option}", expected=expected, found=f"{value_s:g}")
+
+
+def _shown_once(show: Callable[..., None]) -> Callable[..., None]:
+    """Return what shows each warning once: every look at the folder gives the same ones."""
+    seen: set[str] = set()
+
+    def show_new(message: Warning | str, *rest: object, **more: object) -> None:
+        if str(message) not in seen:
+            seen.add(str(message))
+            show(message, *rest, **more)
+
+    return show_new
 
 
 class _Watcher:
@@ -201,11 +215,14 @@ class _Watcher:
     def _say_others(self, found: FolderScan) -> None:
         """Say which bags of the folder are not built under the names that they have."""
         for path in found.unfinished:
-            self._say("still written", path.name, key=str(path))
+            self._say("still written", self._shown(path), key=str(path))
         for path, error in found.refused:
-            self._say_once("left out", path.name, f"{error.what} (`garment lint`)")
+            self._say_once("left out", self._shown(path), f"{error.what} (`garment lint`)")
         for each in found.duplicates:
-            self._say_once("left out", str(each.bag.path), f"{each.used.path} is the one used")
+            self._say_once("left out", self._shown(each.bag.path), f"{self._shown(each.used.path)} is the one used")
+
+    def _shown(self, path: Path) -> str:
+        return str(path.relative_to(self.place.recordings_dir))
 
     def _fail(self, name: str, text: str) -> None:
         self.has_failed = True
