@@ -87,7 +87,7 @@ class Watching:
             All bags that are there; equal states mean that nobody has written meanwhile.
         """
         changed = tuple(name for name, bag in self._bags.items() if states.get(name, bag.state) != bag.state)
-        kept = {name: bag for name, bag in self._bags.items() if name in states and name not in changed}
+        kept = {name: bag for name, bag in self._bags.items() if name not in changed}
         self._bags = {name: kept.get(name) or _Bag(state, now_s) for name, state in states.items()}
         settled = (
             name for name, bag in self._bags.items() if not bag.is_judged and now_s - bag.since_s >= self._settle_s

@@ -13,7 +13,7 @@ from garment_dataset.engine.events import Ending, Event, Report
 from garment_dataset.engine.graph import NodeId
 from garment_dataset.workspace import building
 from garment_dataset.workspace.session import Session
-from garment_dataset.workspace.watching import Batch, Needs, Watching, needs_of, outcome_of
+from garment_dataset.workspace.watching import Batch, Needs, Watching, idle_report, needs_of, outcome_of
 from tests.conftest import COLOR_RECORDINGS
 
 if TYPE_CHECKING:
@@ -173,8 +173,19 @@ def test_outcomes_say_what_failed_and_what_is_lacking(color_workspace: Workspace
     assert waiting.text.endswith("(1 result without it)")
     assert outcome_of(report, graph, third)[:2] == ("built", "3 results")
     assert outcome_of(report, graph, "nobody")[:2] == ("waiting", "no pipeline names it")
-    fresh = Report({node_id: Event(node_id, Ending.FRESH) for node_id in report.events})
-    assert outcome_of(fresh, graph, third).word == "fresh"
+
+
+def test_a_build_with_nothing_to_do_is_known_before_it_begins(color_workspace: Workspace) -> None:
+    first, _, third = COLOR_RECORDINGS
+    (color_workspace.recordings_dir / f"{SCENE}.bag").unlink()
+    with Session(color_workspace) as session:
+        assert idle_report(session.plan(), session.graph) is None
+        report = building.build(session, jobs=0)
+    with Session(color_workspace) as session:
+        idle = idle_report(session.plan(), session.graph)
+        assert idle is not None
+        assert outcome_of(idle, session.graph, third)[:2] == ("fresh", "3 results")
+        assert outcome_of(idle, session.graph, first)[:2] == outcome_of(report, session.graph, first)[:2]
 
 
 @pytest.mark.parametrize("stage", ["background", "decode"])
