@@ -28,17 +28,22 @@ def simulate(
     scale: Annotated[Literal["full", "small"], typer.Option(help="small: coarser cloth, shorter recordings.")] = "full",
     frames: Annotated[int | None, typer.Option(min=1, help="Most frames per stream.")] = None,
     compression: Annotated[Literal["none", "lz4", "bz2"], typer.Option(help="Of the bags' chunks.")] = "none",
+    nuisance: Annotated[
+        str, typer.Option(help="What is unusual: none, wide (all of it, drawn from the seed), or names: NAME[,NAME].")
+    ] = "none",
     jobs: Annotated[int | None, typer.Option(min=1, help="Processes; by default one per processor.")] = None,
     workspace: WorkspaceOption = None,
 ) -> None:
     """Write simulated recordings, with the truth beside them."""
     from garment_dataset.layout import Layout
+    from garment_dataset.simulate.nuisance import wanted_names
     from garment_dataset.simulate.orders import Order, forecast, names_of, run_orders
     from garment_dataset.simulate.physics import import_mujoco
 
     chosen = names_of(names or [], set_name)
+    wanted_names(nuisance)
     folder = Layout.find(workspace).recordings_dir if out is None else out
-    orders = [Order(name, folder, seed, noise, scale, compression, frames) for name in chosen]
+    orders = [Order(name, folder, seed, noise, scale, compression, frames, nuisance) for name in chosen]
     if any(not order.name.startswith("camera_default") for order in orders):
         import_mujoco()
     workers = min(jobs or os.cpu_count() or 1, len(orders))

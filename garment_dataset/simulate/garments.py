@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from garment_dataset.errors import GarmentError
@@ -10,6 +11,7 @@ from garment_dataset.simulate.render import Fabric
 
 if TYPE_CHECKING:
     from garment_dataset.catalog import Catalog
+    from garment_dataset.simulate.nuisance_cloth import ClothNuisance
 
 _TOWEL_ON_RULER_M = (0.36, 0.64)
 """The towel of table 4.1, 60 x 36 cm, hangs some 64 cm below the ruler (thesis chapter 6)."""
@@ -72,6 +74,13 @@ def cloth_of_size(width_m: float, height_m: float, mass_kg: float) -> ClothSpec:
     plain = ClothSpec(width_m, height_m, mass_kg)
     density = max(1.0, mass_kg / plain.area_m2() / _REFERENCE_KG_M2)
     return ClothSpec(width_m, height_m, mass_kg, _STRETCH_N_M * density, _BENDING_N_M * density**1.5)
+
+
+def unusual(spec: ClothSpec, nuisance: ClothNuisance) -> ClothSpec:
+    """Return a sheet with the nuisances of a garment."""
+    if nuisance.bending is None:
+        return spec
+    return replace(spec, bending_n_m=spec.bending_n_m * nuisance.bending)
 
 
 def fabric_of(garment: str, catalog: Catalog) -> Fabric:

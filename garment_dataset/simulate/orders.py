@@ -48,6 +48,8 @@ class Order:
         Options.
     frames : int, optional
         Most frames per stream.
+    nuisance : str
+        What is unusual.
     """
 
     name: str
@@ -57,6 +59,7 @@ class Order:
     scale: Literal["full", "small"]
     compression: Literal["none", "lz4", "bz2"]
     frames: int | None
+    nuisance: str = "none"
 
     def pairs(self) -> int:
         """Return about how many pairs of images it has."""
@@ -83,6 +86,7 @@ class Order:
             frames=self.frames,
             scale=self.scale,
             compression=self.compression,
+            nuisance=self.nuisance,
         )
 
 

@@ -15,8 +15,9 @@ from garment_dataset.errors import GarmentError, RecordingNameError
 from garment_dataset.simulate import scene, truth_tables
 from garment_dataset.simulate.bag import Compression, Streams, write_bag
 from garment_dataset.simulate.cloth import ClothMesh, ClothSpec, Hanging, build_mesh
-from garment_dataset.simulate.garments import cloth_of, fabric_of
+from garment_dataset.simulate.garments import cloth_of, fabric_of, unusual
 from garment_dataset.simulate.motion import Swing
+from garment_dataset.simulate.nuisance import Nuisance, draw_nuisance
 from garment_dataset.simulate.physics import import_mujoco, simulate_cloth
 from garment_dataset.simulate.render import Fabric, Stage, as_millimetres
 from garment_dataset.simulate.sensor import DepthSensor
@@ -74,6 +75,7 @@ def simulate_recording(
     frames: int | None = None,
     scale: str = "full",
     compression: Compression = "none",
+    nuisance: str = "none",
     catalog: Catalog | None = None,
 ) -> Path:
     """Write a recording and the truth beside it.
@@ -95,6 +97,8 @@ def simulate_recording(
         One of :data:`SCALES`.
     compression : {"none", "lz4", "bz2"}
         Of the bag's chunks.
+    nuisance : str
+        What is unusual about room, camera and garment: ``none``, ``wide``, or names of nuisances with commas between.
     catalog : Catalog, optional
         Whose ``garments.csv`` says the garment's size and weight; by default :meth:`Catalog.load`'s.
 
@@ -115,7 +119,7 @@ def simulate_recording(
         found = f"scale {scale}, noise {noise}"
         raise GarmentError("no such option", expected="scale small or full, noise none or xtion", found=found)
     folder.mkdir(parents=True, exist_ok=True)
-    making = _Making(str(parsed), folder, seed, noise, frames, compression)
+    making = _Making(str(parsed), folder, seed, noise, frames, compression, draw_nuisance(nuisance, str(parsed), seed))
     if isinstance(parsed, BackgroundName):
         return making.write_background()
     return making.write_garment(parsed, SCALES[scale], Catalog.load() if catalog is None else catalog)
@@ -142,14 +146,22 @@ class _Making:
     """One recording being made."""
 
     def __init__(
-        self, name: str, folder: Path, seed: int, noise: Noise, frames: int | None, compression: Compression
+        self,
+        name: str,
+        folder: Path,
+        seed: int,
+        noise: Noise,
+        frames: int | None,
+        compression: Compression,
+        nuisance: Nuisance,
     ) -> None:
         self._name, self._folder, self._seed = name, folder, seed
         self._noise, self._frames, self._compression = noise, frames, compression
+        self._nuisance = nuisance
         self._random = random_streams(name, seed)
         self._begin_ns = begin_ns(name, seed)
-        self._depth_sensor = DepthSensor(self._random["depth"]) if noise == "xtion" else None
-        self._color_sensor = ColorSensor(self._random["color"]) if noise == "xtion" else None
+        self._depth_sensor = DepthSensor(self._random["depth"], nuisance.depth) if noise == "xtion" else None
+        self._color_sensor = ColorSensor(self._random["color"], nuisance.color) if noise == "xtion" else None
 
     def write_background(self) -> Path:
         """Write a bag of the empty scene."""
@@ -167,7 +179,7 @@ class _Making:
         """Write a bag of a garment, and its truth."""
         import_mujoco()
         holding, swing = _holding(name), _swing(name, scale)
-        spec = cloth_of(str(name.garment), holding, catalog)
+        spec = unusual(cloth_of(str(name.garment), holding, catalog), self._nuisance.cloth)
         fabric = fabric_of(str(name.garment), catalog)
         mesh = build_mesh(spec, holding, float(np.sqrt(spec.area_m2() / scale.cells)))
         depth_times, color_times, duration_s = self._times(scale.duration_s)
@@ -226,6 +238,7 @@ class _Making:
             "recording": self._name,
             "seed": self._seed,
             "noise": self._noise,
+            "nuisance": asdict(self._nuisance),
             "holding": holding,
             "cloth": asdict(spec),
             "fabric": asdict(fabric),

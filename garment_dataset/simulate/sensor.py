@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from garment_dataset.simulate.nuisance_depth import USUAL_DEPTH, DepthNuisance
 from garment_dataset.simulate.raster import HEIGHT_PX, WIDTH_PX
 
 if TYPE_CHECKING:
@@ -88,10 +89,13 @@ class DepthSensor:
     ----------
     rng : numpy.random.Generator
         The noise of this recording.
+    nuisance : DepthNuisance
+        What is unusual about the sensor.
     """
 
-    def __init__(self, rng: np.random.Generator) -> None:
+    def __init__(self, rng: np.random.Generator, nuisance: DepthNuisance = USUAL_DEPTH) -> None:
         self._rng = rng
+        self._noise_shift = _NOISE_SHIFT * (1.0 if nuisance.depth_noise is None else nuisance.depth_noise)
         self._table = openni_table()
         self._pattern = fixed_pattern()
         self._fine, self._coarse = blobs(rng, _FINE_PX), blobs(rng, _COARSE_PX)
@@ -117,7 +121,7 @@ class DepthSensor:
         keep, fresh = np.float32(_TIME_CORRELATION), np.float32(np.sqrt(1 - _TIME_CORRELATION**2))
         self._fine = keep * self._fine + fresh * blobs(self._rng, _FINE_PX)
         self._coarse = keep * self._coarse + fresh * blobs(self._rng, _COARSE_PX)
-        fine, coarse = (np.float32(_NOISE_SHIFT * np.sqrt(share)) for share in (_FINE_SHARE, 1 - _FINE_SHARE))
+        fine, coarse = (np.float32(self._noise_shift * np.sqrt(share)) for share in (_FINE_SHARE, 1 - _FINE_SHARE))
         return fine * self._fine + coarse * self._coarse
 
     def _missing(self, depth_m: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from garment_dataset.simulate.nuisance_color import USUAL_COLOR, ColorNuisance
 from garment_dataset.simulate.raster import HEIGHT_PX, WIDTH_PX
 
 if TYPE_CHECKING:
@@ -35,15 +36,18 @@ class ColorSensor:
     ----------
     rng : numpy.random.Generator
         The noise of this recording.
+    nuisance : ColorNuisance
+        What is unusual about room, light and camera.
     """
 
-    def __init__(self, rng: np.random.Generator) -> None:
+    def __init__(self, rng: np.random.Generator, nuisance: ColorNuisance = USUAL_COLOR) -> None:
         self._rng = rng
         self._light = border_shading()
         self._drift = rng.standard_normal(4)
         self._white = np.empty((HEIGHT_PX, WIDTH_PX, 3), dtype=np.float32)
         kernel = cv2.getGaussianKernel(7, _NOISE_RADIUS_PX)
-        self._scale = np.array(_NOISE_LEVELS, dtype=np.float32) / np.float32(np.sum(kernel**2))
+        times = 1.0 if nuisance.color_noise is None else nuisance.color_noise
+        self._scale = np.array(_NOISE_LEVELS, dtype=np.float32) * np.float32(times / np.sum(kernel**2))
 
     def frame(self, pixels: NDArray[np.float32]) -> NDArray[np.uint8]:
         """Return the next frame, shape (H, W, 3), of the exact image `pixels`, same shape, 0 to 255."""
