@@ -1,7 +1,7 @@
 """What differs from one room, camera and garment to the next: each nuisance by name, drawn from a range.
 
-A nuisance is a field of one of three groups, and None where it is as the simulation usually has it. A preset draws all of
-them, a list of names those alone, so that what one of them costs can be measured.
+A nuisance is a field of one of three groups, and None where it is as the simulation usually has it. A preset draws all,
+a list of names those alone, so that what one of them costs can be measured.
 """
 
 from __future__ import annotations
