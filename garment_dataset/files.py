@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import codecs
 import re
 import reprlib
 import stat
@@ -20,6 +21,27 @@ if TYPE_CHECKING:
 _MAX_DEPTH = 100
 """Parts of a dotted key; the deepest that means something has three."""
 
+_MARKS = {
+    codecs.BOM_UTF32_LE: "UTF-32",  # begins like UTF-16's, and comes before it
+    codecs.BOM_UTF32_BE: "UTF-32",
+    codecs.BOM_UTF16_LE: "UTF-16",
+    codecs.BOM_UTF16_BE: "UTF-16",
+}
+_SAVE_AS = "Save it as UTF-8: Excel calls that 'CSV UTF-8', editors 'encoding'."
+
+
+class EncodingError(ValueError):
+    """Bytes that are no text in UTF-8; the message says what they are, the hint how to save them instead."""
+
+    def __init__(self, found: str, hint: str = _SAVE_AS) -> None:
+        super().__init__(found)
+        self.hint = hint
+
+
+def hint_of(error: Exception) -> str | None:
+    """Return what to do about a file that could not be read, where the error says it."""
+    return error.hint if isinstance(error, EncodingError) else None
+
 
 def read_text(path: Path, max_bytes: int = 100_000_000) -> str:
     """Read a file that a person wrote; editors on Windows put a byte order mark in front.
@@ -29,14 +51,37 @@ def read_text(path: Path, max_bytes: int = 100_000_000) -> str:
     OSError
         If it cannot be read, or is no file: a pipe or a device would be waited for, or read for ever.
     ValueError
-        If it has more bytes than such a file can have, or is not in UTF-8.
+        If it has more bytes than such a file can have, or is not in UTF-8 (:class:`EncodingError`).
     """
     status = path.stat()
     if not stat.S_ISREG(status.st_mode):
         raise OSError("a folder" if stat.S_ISDIR(status.st_mode) else "a pipe or a device, and no file")
     if status.st_size > max_bytes:
         raise ValueError(f"{status.st_size} bytes, and it may have {max_bytes}")
-    return path.read_text("utf-8-sig")
+    text = _decoded(path.read_bytes())
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def _decoded(raw: bytes) -> str:
+    """Return bytes as text, or say what they are instead: spreadsheets and old editors write other encodings."""
+    for mark, encoding in _MARKS.items():
+        if raw.startswith(mark):
+            raise EncodingError(f"{encoding}: it begins with the bytes {mark.hex(' ')}")
+    if (zero := raw.find(b"\0")) >= 0:
+        # text in UTF-16 has a zero in every other byte
+        likely = raw.count(b"\0") > len(raw) / 4
+        what = "UTF-16 without its mark, or no text" if likely else "a character that no text has"
+        raise EncodingError(f"a zero byte in {_line_of(raw, zero)}: {what}")
+    try:
+        return raw.decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        letter = raw[error.start : error.start + 1].decode("cp1252", errors="replace")
+        found = f"byte 0x{raw[error.start]:02x} in {_line_of(raw, error.start)}"
+        raise EncodingError(f"{found}: no UTF-8; in Windows-1252 it is {letter!r}") from error
+
+
+def _line_of(raw: bytes, place: int) -> str:
+    return f"line {raw.count(bytes([10]), 0, place) + 1}"
 
 
 def read_toml(path: Path) -> dict[str, Any]:

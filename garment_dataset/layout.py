@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from pydantic import BaseModel, ConfigDict, ValidationError
 
 from garment_dataset.errors import WorkspaceError
-from garment_dataset.files import first_fault, read_toml
+from garment_dataset.files import first_fault, hint_of, read_toml
 
 if TYPE_CHECKING:
     from typing import Self
@@ -136,8 +136,15 @@ class Layout:
         )
 
     @classmethod
-    def create(cls, root: Path) -> Self:
+    def create(cls, root: Path, *, empty: bool = False) -> Self:
         """Write a new workspace with the thesis' catalog and pipelines.
+
+        Parameters
+        ----------
+        root : Path
+            Folder to make.
+        empty : bool
+            Whether the tables have only their headers, for a data set of one's own.
 
         Raises
         ------
@@ -154,7 +161,11 @@ class Layout:
                 )
         root.mkdir(parents=True, exist_ok=True)
         for name in ("catalog", "pipelines"):
-            shutil.copytree(source / name, root / name)
+            # the topics are those of the thesis' recorder
+            omitted = shutil.ignore_patterns("topics") if empty else None
+            shutil.copytree(source / name, root / name, ignore=omitted)
+        for table in sorted((root / "catalog").glob("*.csv")) if empty else ():
+            table.write_text(table.read_text("utf-8").partition("\n")[0] + "\n", "utf-8")
         (root / "recordings").mkdir(exist_ok=True)
         return cls.find(root)
 
@@ -215,4 +226,4 @@ def _read_settings(path: Path) -> _Settings:
             f"setting {entry!r} is not understood", where=path, expected=expected, found=found, hint=hint
         ) from error
     except (OSError, ValueError) as error:
-        raise WorkspaceError("not TOML", where=path, found=error) from error
+        raise WorkspaceError("not TOML", where=path, found=error, hint=hint_of(error)) from error

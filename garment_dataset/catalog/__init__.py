@@ -26,7 +26,7 @@ from garment_dataset.catalog.rows import (
 )
 from garment_dataset.catalog.tables import Background, Garment, Holding, Recording, Tables, read_tables
 from garment_dataset.errors import CatalogError, DataWarning, FilterError, nearest_word
-from garment_dataset.files import read_text
+from garment_dataset.files import hint_of, read_text
 from garment_dataset.layout import nearest_catalog
 
 if TYPE_CHECKING:
@@ -295,4 +295,7 @@ class Catalog:
         try:
             return tuple(read_text(path).split()) if os.path.lexists(path) else None
         except (OSError, ValueError) as error:
-            raise CatalogError("cannot be read", where=path, expected="text in UTF-8", found=error) from error
+            found, hint = error, hint_of(error)
+            raise CatalogError(
+                "cannot be read", where=path, expected="text in UTF-8", found=found, hint=hint
+            ) from error

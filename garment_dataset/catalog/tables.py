@@ -25,7 +25,7 @@ from pydantic import (
 
 from garment_dataset.catalog.names import RecordingName, parse_bag_name
 from garment_dataset.errors import CatalogError, RecordingNameError, did_you_mean
-from garment_dataset.files import read_text
+from garment_dataset.files import hint_of, read_text
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -284,7 +284,8 @@ def _lines(path: Path, model: type[Row], problems: list[TableProblem]) -> Iterat
     except FileNotFoundError:
         problems.append(TableProblem(path, "table missing", f"a CSV file with {columns}", "no file", path.name))
     except (ValueError, OSError, csv.Error) as error:
-        problems.append(TableProblem(path, "not a CSV file in UTF-8", f"columns {columns}", str(error), path.name))
+        what, hint = "not a CSV file in UTF-8", hint_of(error)
+        problems.append(TableProblem(path, what, f"columns {columns}", str(error), path.name, hint=hint))
 
 
 def _header_complaint(header: list[str], model: type[Row]) -> str | None:

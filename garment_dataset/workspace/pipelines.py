@@ -20,7 +20,7 @@ from garment_dataset.errors import (
     did_you_mean,
     one_of,
 )
-from garment_dataset.files import first_fault, read_toml
+from garment_dataset.files import first_fault, hint_of, read_toml
 from garment_dataset.stages import Group
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ def read_pipeline(path: Path) -> PipelineFile:
             f"entry {entry!r} is not understood", where=path, expected=expected, found=found, hint=hint
         ) from error
     except (OSError, ValueError) as error:
-        raise PipelineError("cannot be read as TOML", where=path, found=error) from error
+        raise PipelineError("cannot be read as TOML", where=path, found=error, hint=hint_of(error)) from error
     if file.variant == DEFAULT_VARIANT:
         hint = "Leave `variant` out, or choose another name."
         raise PipelineError(

@@ -5,7 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from typer.testing import CliRunner
 
+from garment_dataset.cli import app
 from garment_dataset.errors import WorkspaceError
 from garment_dataset.workspace import Workspace
 
@@ -18,6 +20,28 @@ def test_a_new_workspace_is_found_from_within(tmp_path: Path, monkeypatch: pytes
     assert Workspace.find() == made
     assert Workspace.find(tmp_path / "ws") == made
     assert len(made.catalog().rows) == 46
+
+
+def test_an_empty_workspace_has_the_headers_and_pipelines_of_a_new_one(tmp_path: Path) -> None:
+    made, usual = Workspace.create(tmp_path / "ws", empty=True), Workspace.create(tmp_path / "usual")
+    assert made.catalog().rows == ()
+    assert {path.name for path in made.catalog_dir.iterdir()} == {path.name for path in usual.catalog_dir.glob("*.csv")}
+    for path in made.catalog_dir.iterdir():
+        (header,) = path.read_text("utf-8").splitlines()
+        assert (usual.catalog_dir / path.name).read_text("utf-8").startswith(f"{header}\n")
+    for path in usual.pipelines_dir.iterdir():
+        assert (made.pipelines_dir / path.name).read_bytes() == path.read_bytes()
+
+
+def test_a_data_set_of_ones_own_is_begun_by_two_commands(tmp_path: Path) -> None:
+    run = CliRunner(env={"NO_COLOR": "1"}).invoke
+    made = run(app, ["init", "--empty", str(tmp_path / "ws")])
+    assert made.exit_code == 0
+    assert "catalog/garments.csv, holdings.csv and recordings.csv" in made.stderr
+    assert "garment lint" in made.stderr
+    assert run(app, ["lint", "-w", str(tmp_path / "ws")]).stdout == "names, tables and folder agree\n"
+    listed = run(app, ["list", "-w", str(tmp_path / "ws")])
+    assert (listed.exit_code, listed.stderr) == (0, "0 recordings\n")
 
 
 def test_nothing_is_ever_overwritten(tmp_path: Path) -> None:
