@@ -8,7 +8,7 @@ import warnings
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING
 
 from garment_dataset.catalog.filters import compile_filter, parse_term, terms_of
 from garment_dataset.catalog.folder import FolderScan, scan
@@ -122,9 +122,6 @@ class Catalog:
     11
     """
 
-    filter_keys: ClassVar[Mapping[str, Kind]] = ROW_KEYS
-    units: ClassVar[Mapping[str, str]] = ROW_UNITS
-
     folder: Path
     tables: Tables
     found: FolderScan | None = None
@@ -201,6 +198,16 @@ class Catalog:
         return {row.recording: row for row in self.rows}
 
     @cached_property
+    def filter_keys(self) -> Mapping[str, Kind]:
+        """What its rows can be filtered by, columns of one's own among it."""
+        return ROW_KEYS | {column.name: column.kind for column in self.tables.columns}
+
+    @cached_property
+    def units(self) -> Mapping[str, str]:
+        """Units of the quantities of a row."""
+        return ROW_UNITS | {column.name: column.unit for column in self.tables.columns if column.unit is not None}
+
+    @cached_property
     def words(self) -> Mapping[str, tuple[str, ...]]:
         """Of every key that is text, all words that there are."""
         return words_of(self.tables, self.rows)
@@ -231,9 +238,9 @@ class Catalog:
             If a term cannot be understood, or names what is not in the catalog; the hint gives the nearest that is.
         """
         terms = list(terms)
-        wanted = compile_filter(terms, ROW_KEYS, self.words)
+        wanted = compile_filter(terms, self.filter_keys, self.words)
         if self.found is None:
-            for term in (parse_term(text, ROW_KEYS) for text in terms):
+            for term in (parse_term(text, self.filter_keys) for text in terms):
                 if term.key == "state" and any(term.values):
                     hint = "`catalog.with_folder(FOLDER)` looks at one, `Workspace.find().catalog()` at its own."
                     raise FilterError("no folder of recordings was looked at", where=term.text, hint=hint)
@@ -250,14 +257,14 @@ class Catalog:
         terms = list(terms)
         wanted = self.matching(terms)
         rows = tuple(row for row in self.rows if wanted(row))
-        for text in idle_globs(terms, ROW_KEYS, self.words) if rows else ():
+        for text in idle_globs(terms, self.filter_keys, self.words) if rows else ():
             warnings.warn(text, DataWarning, stacklevel=2)
         return rows
 
     def why_nothing(self, terms: Iterable[str]) -> str | None:
         """Say why a filter finds nothing: the name nearest to a glob, and the bounds of a number that is compared."""
         records = [row.record() for row in self.rows]
-        return "; ".join(why_nothing(list(terms), records, ROW_KEYS, self.words, ROW_UNITS)) or None
+        return "; ".join(why_nothing(list(terms), records, self.filter_keys, self.words, self.units)) or None
 
     def query(self, *terms: str, **filters: object) -> pd.DataFrame:
         """Return the rows that a filter wants as a DataFrame with typed columns.
@@ -272,16 +279,16 @@ class Catalog:
         Returns
         -------
         pandas.DataFrame
-            One row per recording, one column per field of :class:`CatalogRow`. Text is ``string`` or categorical, whole
-            numbers are ``Int64``, flags ``boolean``, quantities ``float64`` with their units in ``attrs["units"]``;
-            what is not known is missing.
+            One row per recording, one column per field of :class:`CatalogRow` and per column of one's own. Text is
+            ``string`` or categorical, whole numbers are ``Int64``, flags ``boolean``, dates ``datetime64``, quantities
+            ``float64`` with their units in ``attrs["units"]``; what is not known is missing.
 
         Raises
         ------
         FilterError
             See :meth:`matching`.
         """
-        return to_frame(self.select([*terms, *terms_of(filters)]), self.rows)
+        return to_frame(self.select([*terms, *terms_of(filters)]), self.rows, self.tables.columns)
 
     def topics(self, number: int) -> tuple[str, ...] | None:
         """Return the topics of a topics file, in order; None when the catalog has no such file.

@@ -7,8 +7,9 @@ A filter is a list of terms:
 - anything else is a glob on the recording's name: ``'GreenTowel_Ruler_*'``.
 
 Terms of different keys must all hold; of several terms on one key, or several globs, one suffices. A text value may be
-a glob (``garment=*Shirt``); numbers compare as numbers (``speed=0.5`` finds 0.50, and ``pi16`` or ``pi/16`` is one);
-``yes``, ``no``, ``true`` and ``false`` are the flags; an empty value stands for a missing one (``repeat=``).
+a glob (``garment=*Shirt``); numbers compare as numbers (``speed=0.5`` finds 0.50, and ``pi16`` or ``pi/16`` is one),
+dates as dates (``day>=2026-11-25``); ``yes``, ``no``, ``true`` and ``false`` are the flags; an empty value stands for a
+missing one (``repeat=``).
 
 Where the words of a key are known, a value that is no glob must be one of them: a typing error is told apart from an
 answer that is empty.
@@ -19,16 +20,18 @@ from __future__ import annotations
 import math
 import operator
 import re
+import unicodedata
 from collections.abc import Callable, Collection, Iterable, Mapping
+from datetime import date
 from fnmatch import translate
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from garment_dataset.catalog.names import parse_bag_name
 from garment_dataset.errors import FilterError, RecordingNameError, did_you_mean, nearest_word, one_of
 
-Kind = type[str | float | bool]
+Kind = type[str | float | bool | date]
 Keys = Mapping[str, Kind]
-"""What may be asked for: the name of each value, and whether it is text, a number or a flag."""
+"""What may be asked for: the name of each value, and whether it is text, a number, a flag or a date."""
 
 Words = Mapping[str, Collection[str]]
 """All words that the values of a key can be, where they are known."""
@@ -40,7 +43,7 @@ NAME_KEY = "recording"
 """What a bare glob is matched with."""
 
 _TERM = re.compile(r"(?P<key>[^=!<>]*)(?P<operator>[<>]=?|!?=)(?P<values>.*)", re.DOTALL)
-_COMPARISONS: dict[str, Callable[[float, float], bool]] = {
+_COMPARISONS: dict[str, Callable[[Any, Any], bool]] = {
     "<": operator.lt,
     "<=": operator.le,
     ">": operator.gt,
@@ -67,7 +70,7 @@ def compile_filter(terms: Iterable[str], keys: Keys, words: Words | None = None)
     ----------
     terms : iterable of str
         As typed after a verb.
-    keys : mapping of str to {str, float, bool}
+    keys : mapping of str to {str, float, bool, date}
         The values that a record has, and of which type.
     words : mapping of str to collection of str, optional
         Of keys that are text, all words that there are; of keys that are not in it, any word may be asked for.
@@ -75,7 +78,7 @@ def compile_filter(terms: Iterable[str], keys: Keys, words: Words | None = None)
     Raises
     ------
     FilterError
-        If a term names no key, or its value is no number, flag or known word where one is needed.
+        If a term names no key, or its value is no number, flag, date or known word where one is needed.
     """
     wanted: dict[str, list[Predicate]] = {}
     refused: list[tuple[str, Predicate]] = []
@@ -138,6 +141,7 @@ def parse_term(text: str, keys: Keys) -> Term:
     FilterError
         If it is empty, or names no key.
     """
+    text = unicodedata.normalize("NFC", text)  # as the tables are read
     if (found := _TERM.fullmatch(text)) is None:
         return Term(text, NAME_KEY, "=", (_name_pattern(text),))
     key, values = found["key"].strip(), tuple(value.strip() for value in found["values"].split(","))
@@ -196,7 +200,7 @@ def _name_pattern(text: str) -> str:
         return text.removesuffix(".bag")
 
 
-def _test(key: str, value: str, kind: type[str | float | bool]) -> Predicate:
+def _test(key: str, value: str, kind: Kind) -> Predicate:
     if value == "":
         return lambda found: found is None
     if kind is float:
@@ -207,20 +211,35 @@ def _test(key: str, value: str, kind: type[str | float | bool]) -> Predicate:
             raise FilterError("not a flag", where=f"{key}={value}", expected="yes or no", found=repr(value))
         flag = _FLAGS[value.lower()]
         return lambda found: found is flag
+    if kind is date:
+        day = _date(key, value)
+        return lambda found: found == day
     pattern = re.compile(translate(value))
     return lambda found: isinstance(found, str) and pattern.match(found) is not None
 
 
 def _comparison(term: Term, keys: Keys) -> Predicate:
     """Return the test of ``key<number`` and the like: what is not known is neither less nor more."""
-    if keys[term.key] is not float:
-        numbers = one_of(key for key, kind in keys.items() if kind is float)
+    if (kind := keys[term.key]) not in (float, date):
+        known = one_of(key for key, kind in keys.items() if kind in (float, date))
         what = f"{term.sign} compares numbers, and {term.key} is none"
-        raise FilterError(what, where=term.text, expected=numbers)
+        raise FilterError(what, where=term.text, expected=known)
     if len(term.values) != 1:
         raise FilterError(f"{term.sign} compares with one number", where=term.text, expected="one number")
-    compare, bound = _COMPARISONS[term.sign], _number(term.key, term.values[0])
+    compare = _COMPARISONS[term.sign]
+    if kind is date:
+        day = _date(term.key, term.values[0])
+        return lambda found: isinstance(found, date) and compare(found, day)
+    bound = _number(term.key, term.values[0])
     return lambda found: isinstance(found, int | float) and not isinstance(found, bool) and compare(found, bound)
+
+
+def _date(key: str, text: str) -> date:
+    try:
+        return date.fromisoformat(text)
+    except ValueError:
+        pass
+    raise FilterError("not a date", where=f"{key}={text}", expected="a date such as 2026-11-25", found=repr(text))
 
 
 def _number(key: str, text: str) -> float:
@@ -231,5 +250,5 @@ def _number(key: str, text: str) -> float:
     return float(text)
 
 
-def _value(record: object, key: str) -> object:
-    return record[key] if isinstance(record, Mapping) else getattr(record, key)
+def _value(record: Any, key: str) -> object:  # noqa: ANN401 - a mapping, or an object with attributes
+    return record[key] if hasattr(record, "__getitem__") else getattr(record, key)

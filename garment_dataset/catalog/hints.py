@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import math
+from datetime import date
 from fnmatch import fnmatchcase
 from typing import TYPE_CHECKING
 
@@ -91,6 +92,9 @@ def nearest_names(name: str, known: Collection[str], most: int = 3) -> list[str]
 
 def _known(key: str, records: Iterable[Mapping[str, object]], units: Mapping[str, str]) -> str:
     """Say which values of a key there are."""
+    days = sorted(value for record in records if isinstance(value := record[key], date))
+    if days:
+        return f"{key} is {days[0]}" + ("" if days[0] == days[-1] else f" to {days[-1]}")
     values = [value for record in records if isinstance(value := record[key], int | float)]
     if not values:
         return f"no {key} is known"

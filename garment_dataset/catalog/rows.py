@@ -2,18 +2,21 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from operator import attrgetter
+from dataclasses import dataclass, field
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal
 
 from garment_dataset.catalog.names import RecordingName, parse_bag_name
+from garment_dataset.catalog.own_values import OwnValues
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
+    from datetime import date
     from pathlib import Path
 
     import pandas as pd
 
+    from garment_dataset.catalog.columns import Column, Value
     from garment_dataset.catalog.filters import Kind
     from garment_dataset.catalog.tables import Garment, Tables
 
@@ -37,7 +40,7 @@ ROW_KEYS: dict[str, Kind] = {
     "in_tables": bool,
     "state": str,
 }
-"""What a catalog's rows can be filtered by, and of which type each value is."""
+"""What every catalog's rows can be filtered by, and of which type each value is; columns of one's own come behind."""
 
 ROW_UNITS = {"swing_rad": "rad", "speed": "1", "width_m": "m", "height_m": "m", "weight_kg": "kg"}
 """Units of the quantities of a row."""
@@ -90,6 +93,8 @@ class CatalogRow:
         Listed and there, listed and not there, there and not listed; None when no folder was looked at.
     path : Path or None
         The bag.
+    own : mapping of str to value or None
+        What columns of one's own say of it, of all that the tables have.
     """
 
     recording: str
@@ -112,6 +117,11 @@ class CatalogRow:
     in_tables: bool
     state: Literal["present", "missing", "unexpected"] | None
     path: Path | None
+    own: Mapping[str, Value | None] = field(default_factory=dict, hash=False)
+
+    def __getitem__(self, key: str) -> Any:  # noqa: ANN401 - of one of many types
+        """Return what it can be filtered by, columns of one's own among it."""
+        return self.own[key] if key in self.own else getattr(self, key)
 
     @property
     def labels(self) -> dict[str, str | int | float | None]:
@@ -123,12 +133,19 @@ class CatalogRow:
         """The hive partition of its results: whole names stand in for a garment that is not known."""
         return {"garment": self.garment or self.name.name, "holding": self.holding or UNSPECIFIED}
 
-    def record(self) -> dict[str, str | int | float | bool | None]:
+    def record(self) -> dict[str, str | int | float | bool | date | None]:
         """Return the row as plain values, for ``--json`` and ``--csv``."""
         values = {name: getattr(self, name) for name in ROW_KEYS}
-        return {**values, "path": None if self.path is None else str(self.path)}
+        return {**values, **self.own, "path": None if self.path is None else str(self.path)}
 
 
+_OWN_DTYPES = {
+    "text": "string",
+    "integer": "Int64",
+    "number": "float64",
+    "boolean": "boolean",
+    "date": "datetime64[s]",
+}
 _DTYPES: dict[Kind, str] = {str: "string", float: "Int64", bool: "boolean"}
 """Column types in pandas, for what is not a quantity: all can miss a value."""
 
@@ -167,18 +184,20 @@ def join_rows(tables: Tables, bags: Mapping[str, Path] | None) -> tuple[CatalogR
     garment_words = {row.letter: row.garment for row in tables.garments}
     holding_words = {row.letter: row.holding for row in tables.holdings}
     cloths = {row.garment: _cloth(row) for row in tables.garments}
+    own_values = OwnValues(tables)
     unknown_cloth: dict[str, Any] = dict.fromkeys(_CLOTH)
     partners = _partners(names)
     rows = []
     for text, name in names.items():
         row, path = listed.get(text), found.get(text)
         garment = name.garment or (garment_words.get(row.garment) if row and row.garment else None)
+        holding = name.holding or (holding_words.get(row.holding) if row and row.holding else None)
         rows.append(
             CatalogRow(
                 recording=text,
                 name=name,
                 garment=garment,
-                holding=name.holding or (holding_words.get(row.holding) if row and row.holding else None),
+                holding=holding,
                 repeat=name.repeat,
                 swing_rad=name.swing_rad,
                 speed=float(name.speed),
@@ -191,19 +210,22 @@ def join_rows(tables: Tables, bags: Mapping[str, Path] | None) -> tuple[CatalogR
                 in_tables=row is not None,
                 state=None if bags is None else _state(row is not None, path is not None),
                 path=path,
+                own=own_values.of(row, garment, holding, name.topics_file),
             )
         )
     return tuple(rows)
 
 
-def to_frame(rows: Sequence[CatalogRow], all_rows: Iterable[CatalogRow]) -> pd.DataFrame:
+def to_frame(
+    rows: Sequence[CatalogRow], all_rows: Iterable[CatalogRow], columns: Sequence[Column] = ()
+) -> pd.DataFrame:
     """Return ``rows`` as a DataFrame with typed columns, with the categories that ``all_rows`` have."""
     import pandas as pd
 
     vocabulary = tuple(all_rows)
 
     def column(name: str) -> Any:  # noqa: ANN401 - a Series of one of many types
-        value = attrgetter(name)
+        value = itemgetter(name)
         dtype: Any = "float64" if name in ROW_UNITS else _DTYPES[ROW_KEYS[name]]
         if name in _CATEGORIES:
             words = _CATEGORIES[name] or sorted({word for row in vocabulary if (word := value(row)) is not None})
@@ -211,8 +233,10 @@ def to_frame(rows: Sequence[CatalogRow], all_rows: Iterable[CatalogRow]) -> pd.D
         return pd.Series([value(row) for row in rows], dtype=dtype)
 
     table = pd.DataFrame({name: column(name) for name in ROW_KEYS})
+    for each in columns:
+        table[each.name] = pd.Series([row.own[each.name] for row in rows], dtype=_OWN_DTYPES[each.type])
     table["path"] = pd.Series([None if row.path is None else str(row.path) for row in rows], dtype="string")
-    table.attrs["units"] = dict(ROW_UNITS)
+    table.attrs["units"] = ROW_UNITS | {each.name: each.unit for each in columns if each.unit is not None}
     return table
 
 
@@ -225,7 +249,11 @@ def words_of(tables: Tables, rows: Iterable[CatalogRow]) -> dict[str, tuple[str,
         "color": [row.color for row in tables.garments],
     }
     keys = [key for key, kind in ROW_KEYS.items() if kind is str and key not in FIXED_WORDS]
-    found = {key: [*listed.get(key, ()), *(getattr(row, key) for row in rows)] for key in keys}
+    for table in (tables.garments, tables.holdings, tables.backgrounds):
+        for column in (each.name for each in tables.columns if each.type == "text"):
+            listed.setdefault(column, []).extend((row.model_extra or {}).get(column) for row in table)
+    keys += [column.name for column in tables.columns if column.type == "text"]
+    found = {key: [*listed.get(key, ()), *(row[key] for row in rows)] for key in keys}
     return FIXED_WORDS | {key: tuple(dict.fromkeys(filter(None, words))) for key, words in found.items()}
 
 

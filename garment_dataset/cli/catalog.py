@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from garment_dataset.catalog import Catalog, CatalogRow
+    from garment_dataset.catalog.columns import Column
     from garment_dataset.catalog.filters import Kind
     from garment_dataset.features.quality import RecordingQuality
 
@@ -49,6 +50,7 @@ def list_(
         print_csv([*catalog.filter_keys, "path", *QUALITY_KEYS], cells)
     else:
         columns = ["recording", "garment", "size [cm]", "weight [g]", "paired", "dvd", "state"]
+        columns += [_headed(column) for column in catalog.tables.columns]
         columns += ["quality", "coverage"] if known else []
         print_table(columns, [_listed(row, damage) + (_judged(quality) if known else []) for row, quality in shown])
     _say_counts(catalog, [row for row, _ in shown], damage)
@@ -87,7 +89,20 @@ def _listed(row: CatalogRow, damage: Mapping[str, str]) -> list[object]:
     size = None if row.width_m is None or row.height_m is None else f"{row.width_m * 100:g}×{row.height_m * 100:g}"
     weight = None if row.weight_kg is None else row.weight_kg * 1000
     cloth = " ".join(filter(None, (row.color, row.garment_kind))) or row.garment
-    return [row.recording, cloth, size, weight, row.partner is not None, row.dvd, _state(row, damage)]
+    return [
+        row.recording,
+        cloth,
+        size,
+        weight,
+        row.partner is not None,
+        row.dvd,
+        _state(row, damage),
+        *row.own.values(),
+    ]
+
+
+def _headed(column: Column) -> str:
+    return column.name if column.unit in (None, "1") else f"{column.name} [{column.unit}]"
 
 
 def _state(row: CatalogRow, damage: Mapping[str, str]) -> str | None:

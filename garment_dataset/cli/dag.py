@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+from garment_dataset.catalog import Catalog
 from garment_dataset.engine.graph import producers
 from garment_dataset.stages import Group
 from garment_dataset.workspace.known_stages import KnownStages
@@ -18,8 +19,9 @@ if TYPE_CHECKING:
 
 
 def load(layout: Layout) -> list[Pipeline]:
-    """Read a workspace's pipelines."""
-    return load_pipelines(layout.pipelines_dir, KnownStages.of(layout))
+    """Read a workspace's pipelines, whatever is wrong with its tables."""
+    keys = Catalog.load(layout.catalog_dir, strict=False).filter_keys
+    return load_pipelines(layout.pipelines_dir, KnownStages.of(layout), keys)
 
 
 def to_text(pipelines: Sequence[Pipeline], *, params: bool) -> str:

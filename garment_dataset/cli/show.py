@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from garment_dataset.catalog import BackgroundSource, Catalog, CatalogRow
+    from garment_dataset.catalog.columns import Column
     from garment_dataset.layout import Layout
 
 _AXES = {"R": "R: along the optical axis", "B": "B: across the optical axis"}
@@ -155,7 +156,18 @@ def _facts(catalog: Catalog, row: CatalogRow) -> list[tuple[str, object]]:
         ("partner", partner),
         ("background", _background(catalog.background(row.topics_file))),
         ("topics file", row.topics_file),
+        *((column.name, _own(column, row)) for column in catalog.tables.columns),
     ]
+
+
+def _own(column: Column, row: CatalogRow) -> str | None:
+    """Return what a column of one's own says, with its unit and what it means."""
+    value = row.own[column.name]
+    if value is None:
+        return None
+    text = {True: "yes", False: "no"}[value] if isinstance(value, bool) else f"{value}"
+    unit = "" if column.unit in (None, "1") else f" {column.unit}"
+    return f"{text}{unit}" + ("" if column.description is None else f" ({column.description})")
 
 
 def _background(background: BackgroundSource) -> str:
@@ -164,9 +176,8 @@ def _background(background: BackgroundSource) -> str:
 
 def _holding(catalog: Catalog, row: CatalogRow) -> str | None:
     """Return how the garment is held, in words: by the letter in the table, else by the word if only one has it."""
+    from garment_dataset.catalog.own_values import holding_of
+
     letter = next((listed.holding for listed in catalog.tables.recordings if listed.recording == row.recording), None)
-    holdings = catalog.tables.holdings
-    found = [holding.description for holding in holdings if holding.letter == letter] or [
-        holding.description for holding in holdings if holding.holding == row.holding
-    ]
-    return found[0] if len(found) == 1 else None
+    found = holding_of(catalog.tables.holdings, letter, row.holding)
+    return None if found is None else found.description

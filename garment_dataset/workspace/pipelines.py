@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping
     from pathlib import Path
 
+    from garment_dataset.catalog.filters import Kind
     from garment_dataset.engine.stage import StageParams
     from garment_dataset.stages import Stage
     from garment_dataset.workspace.known_stages import KnownStages
@@ -96,8 +97,17 @@ class Pipeline:
         return {output.name: stage for stage in self.stages for output in stage.outputs}
 
 
-def load_pipelines(folder: Path, known: KnownStages) -> list[Pipeline]:
+def load_pipelines(folder: Path, known: KnownStages, keys: Mapping[str, Kind] = ROW_KEYS) -> list[Pipeline]:
     """Read every ``*.toml`` of a folder, in the order of their names.
+
+    Parameters
+    ----------
+    folder : Path
+        The pipeline files.
+    known : KnownStages
+        The stages that they may name.
+    keys : mapping of str to type
+        What recordings can be filtered by: those of every catalog, or of the one at hand.
 
     Raises
     ------
@@ -107,7 +117,7 @@ def load_pipelines(folder: Path, known: KnownStages) -> list[Pipeline]:
     StageError
         If a stage that is named cannot be imported.
     """
-    pipelines = [_resolved(path, read_pipeline(path), known) for path in sorted(folder.glob("*.toml"))]
+    pipelines = [_resolved(path, read_pipeline(path), known, keys) for path in sorted(folder.glob("*.toml"))]
     if not pipelines:
         raise PipelineError("no pipeline files", where=folder, expected="at least one NAME.toml")
     return pipelines
@@ -138,8 +148,8 @@ def read_pipeline(path: Path) -> PipelineFile:
     return file
 
 
-def _resolved(path: Path, file: PipelineFile, known: KnownStages) -> Pipeline:
-    _refuse_recordings(path, file)
+def _resolved(path: Path, file: PipelineFile, known: KnownStages, keys: Mapping[str, Kind]) -> Pipeline:
+    _refuse_recordings(path, file, keys)
     given = _with_moved_knobs(path, file)
     for name in (*file.stages, *given):
         if name not in known:
@@ -155,10 +165,10 @@ def _resolved(path: Path, file: PipelineFile, known: KnownStages) -> Pipeline:
     return Pipeline(path.stem, file, stages, params)
 
 
-def _refuse_recordings(path: Path, file: PipelineFile) -> None:
+def _refuse_recordings(path: Path, file: PipelineFile, keys: Mapping[str, Kind]) -> None:
     """Refuse terms that no catalog understands; which garments and recordings there are is a catalog's to say."""
     try:
-        compile_filter(file.recordings, ROW_KEYS, FIXED_WORDS)
+        compile_filter(file.recordings, keys, FIXED_WORDS)
     except FilterError as error:
         raise PipelineError(
             error.what,

@@ -82,7 +82,7 @@ class Session:
         layout = self.layout
         self.catalog = Catalog.load(layout.catalog_dir).with_folder(layout.recordings_dir)
         known = KnownStages.of(layout)
-        self.pipelines = load_pipelines(layout.pipelines_dir, known)
+        self.pipelines = load_pipelines(layout.pipelines_dir, known, self.catalog.filter_keys)
         named = {stage.name: stage for pipeline in self.pipelines for stage in pipeline.stages}
         self.stages: list[Stage] = [named[name] for name in known.names if name in named]
         self.selection = self._select(self._filters)

@@ -347,7 +347,48 @@ def test_what_a_spreadsheet_writes_is_read(folder: Path) -> None:
     assert Catalog.load(folder).tables.garments[3].color == "green, dark"
 
 
+@pytest.mark.parametrize(("old", "new"), [(",", ", "), ("letter", "\n\nletter"), ("letter", '"letter"')])
+def test_what_people_write_is_read(folder: Path, old: str, new: str) -> None:
+    path = folder / "garments.csv"
+    path.write_text(path.read_text("utf-8").replace(old, new), "utf-8")
+    assert Catalog.load(folder).tables.garments == Catalog.load(THESIS).tables.garments
+
+
+def test_a_letter_composed_in_another_way_is_the_same(folder: Path) -> None:
+    edit(folder / "garments.csv", "blue", "Türkis".replace("ü", "u\u0308"))
+    assert len(Catalog.load(folder).query(color="Türkis")) == len(Catalog.load(folder).query(garment="BlueShirt")) > 0
+
+
 # Tables that are wrong
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        (
+            lambda text: text.replace(",", ";"),
+            "line 1: .*semicolons.*Save it with commas.*points in numbers",
+        ),
+        (lambda text: text.replace(",", "\t"), "line 1: .*separated by tabs.*Save it with commas"),
+        (lambda text: f"sep=,\n{text}", "line 1: .*a line for Excel alone.*Remove the first line"),
+        (
+            lambda text: "\n".join(f'"{line}"' for line in text.splitlines()),
+            "line 1: .*one cell in quotes",
+        ),
+        (lambda text: text.replace(",47,", ',"47,5",'), "line 2, column width_cm.*The decimal mark is a point: 47.5"),
+        (lambda text: text.replace("\n", ",\n"), "line 1: a column without a name.*Give it one, or delete it"),
+        (lambda _: "", "line 1: no column 'letter'"),
+        (lambda text: text.replace("t-shirt", "t\0shirt"), "a zero byte in line 2"),
+    ],
+)
+def test_what_a_program_has_written_is_named_with_what_to_do(
+    folder: Path, change: Callable[[str], str], message: str
+) -> None:
+    path = folder / "garments.csv"
+    path.write_text(change(path.read_text("utf-8")), "utf-8")
+    with pytest.raises(CatalogError, match=message) as caught:
+        Catalog.load(folder)
+    assert str(path) in str(caught.value)
 
 
 @pytest.mark.parametrize(
