@@ -7,11 +7,14 @@ import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 
+from garment_dataset.catalog.ignoring import IGNORE_FILE, Ignoring, read_ignoring
 from garment_dataset.catalog.names import BackgroundName, RecordingName, parse_bag_name
 from garment_dataset.errors import CatalogError, DataWarning, RecordingNameError
 
 SALVAGED = ".salvaged.bag"
 """How the names of salvaged bags end, until they take the place of their originals."""
+
+_UNFINISHED = (".bag.active", ".db3", ".mcap")
 
 
 @dataclass(frozen=True, slots=True)
@@ -53,6 +56,8 @@ class FolderScan:
         ``.bag.active`` files, and rosbag2 storage without its ``metadata.yaml``.
     salvaged : tuple of Path
         ``.salvaged.bag`` files: copies of damaged bags, which are not used under that name.
+    ignored : tuple of Path
+        Bags and folders that ``.garmentignore`` leaves out.
     """
 
     folder: Path
@@ -61,6 +66,7 @@ class FolderScan:
     refused: tuple[tuple[Path, RecordingNameError], ...]
     unfinished: tuple[Path, ...]
     salvaged: tuple[Path, ...] = ()
+    ignored: tuple[Path, ...] = ()
 
     @property
     def is_empty(self) -> bool:
@@ -71,18 +77,19 @@ class FolderScan:
 def scan(folder: Path) -> FolderScan:
     """Look for bags in ``folder``; a folder that does not exist holds none.
 
-    A bag is a ``.bag`` file or a folder with a ``metadata.yaml`` (rosbag2). Hidden entries are not looked at. A folder
-    reached in two ways is looked at once, so links that form a loop do no harm. What cannot be looked at is left out
-    with a :class:`~garment_dataset.errors.DataWarning`.
+    A bag is a ``.bag`` file or a folder with a ``metadata.yaml`` (rosbag2). Hidden entries are not looked at, nor what
+    ``.garmentignore`` leaves out (:mod:`garment_dataset.catalog.ignoring`). A folder reached in two ways is looked at
+    once, so links that form a loop do no harm. What cannot be looked at is left out with a
+    :class:`~garment_dataset.errors.DataWarning`.
 
     Raises
     ------
     CatalogError
-        If ``folder`` is not a folder.
+        If ``folder`` is not a folder, or its ``.garmentignore`` cannot be understood.
     """
     if folder.exists() and not folder.is_dir():
         raise CatalogError("not a folder", where=folder, expected="a folder of bags", found="a file")
-    walked = _walk(folder) if folder.exists() else _Walked()
+    walked = _walk(folder, read_ignoring(folder)) if folder.exists() else _Walked()
     named: dict[str, list[FoundBag]] = {}
     refused: list[tuple[Path, RecordingNameError]] = []
     for path in map(Path, sorted(walked.finished)):
@@ -98,8 +105,9 @@ def scan(folder: Path) -> FolderScan:
         used, *others = sorted(found, key=lambda bag: not bag.is_canonical) if len(found) > 1 else found
         bags.append(used)
         duplicates += [Duplicate(bag, used) for bag in others if not bag.path.samefile(used.path)]
-    unfinished, salvaged = (tuple(map(Path, sorted(paths))) for paths in (walked.unfinished, walked.salvaged))
-    return FolderScan(folder, tuple(bags), tuple(duplicates), tuple(refused), unfinished, salvaged)
+    unused = (walked.unfinished, walked.salvaged, walked.ignored)
+    unfinished, salvaged, ignored = (tuple(map(Path, sorted(paths))) for paths in unused)
+    return FolderScan(folder, tuple(bags), tuple(duplicates), tuple(refused), unfinished, salvaged, ignored)
 
 
 @dataclass
@@ -109,10 +117,11 @@ class _Walked:
     finished: list[str] = field(default_factory=list)
     unfinished: list[str] = field(default_factory=list)
     salvaged: list[str] = field(default_factory=list)
+    ignored: list[str] = field(default_factory=list)
 
     def add(self, entry: os.DirEntry[str]) -> None:
         lower = entry.name.lower()
-        if lower.endswith((".bag.active", ".db3", ".mcap")):
+        if lower.endswith(_UNFINISHED):
             self.unfinished.append(entry.path)
         elif lower.endswith(SALVAGED):
             self.salvaged.append(entry.path)
@@ -123,14 +132,14 @@ class _Walked:
                 self.finished.append(entry.path)
 
 
-def _walk(root: Path) -> _Walked:
+def _walk(root: Path, ignoring: Ignoring) -> _Walked:
     walked = _Walked()
     seen: set[tuple[int, int]] = set()
     # Linked folders wait until the end, so that a folder is called by its own path if it has one here.
     pending, linked = [str(root)], list[str]()
     while pending or linked:
         here = pending.pop() if pending else linked.pop()
-        entries = [entry for entry in _entries(here, seen) if not entry.name.startswith(".")]
+        entries = _left(_entries(here, seen), root, ignoring, walked)
         if any(entry.name == "metadata.yaml" for entry in entries) and here != str(root):
             walked.finished.append(here)
             continue
@@ -140,6 +149,24 @@ def _walk(root: Path) -> _Walked:
             else:
                 walked.add(entry)
     return walked
+
+
+def _left(entries: list[os.DirEntry[str]], root: Path, ignoring: Ignoring, walked: _Walked) -> list[os.DirEntry[str]]:
+    """Return the entries of a folder that are looked at, and note those that would be, were they not left out."""
+    left = []
+    for entry in entries:
+        if entry.name == IGNORE_FILE and Path(entry.path).parent != root:
+            warnings.warn(f"{entry.path}: not read, only that in {root} is", DataWarning, stacklevel=6)
+        if entry.name.startswith("."):
+            continue
+        if ignoring.rules and ignoring.leaves_out(
+            Path(entry.path).relative_to(root).as_posix(), is_folder=(is_folder := _is_folder(entry))
+        ):
+            if is_folder or entry.name.lower().endswith((".bag", *_UNFINISHED)):
+                walked.ignored.append(entry.path)
+            continue
+        left.append(entry)
+    return left
 
 
 def _entries(here: str, seen: set[tuple[int, int]]) -> list[os.DirEntry[str]]:

@@ -115,6 +115,8 @@ def _judged(quality: RecordingQuality) -> list[object]:
 
 def _say_counts(catalog: Catalog, rows: Sequence[CatalogRow], damage: Mapping[str, str]) -> None:
     """Say how many there are, on stderr; what could not be listed is said, too."""
+    from garment_dataset.catalog.ignoring import IGNORE_FILE
+
     states = Counter(row.state for row in rows)
     counts = ", ".join(f"{count} {state}" for state, count in states.items())
     say(f"{len(rows)} recording{'s' * (len(rows) != 1)}{': ' * bool(counts)}{counts}")
@@ -127,3 +129,5 @@ def _say_counts(catalog: Catalog, rows: Sequence[CatalogRow], damage: Mapping[st
         say(f"backgrounds of the B recordings here, by topics file: {'; '.join(texts)}")
     if catalog.found is not None and (refused := len(catalog.found.refused) + len(catalog.found.unfinished)):
         say(f"{refused} more in {catalog.found.folder} with a wrong name or unfinished: see `garment lint`")
+    if catalog.found is not None and (ignored := len(catalog.found.ignored)):
+        say(f"{ignored} bag{'s' * (ignored > 1)} or folders left out by {catalog.found.folder / IGNORE_FILE}")
