@@ -10,9 +10,9 @@ import os
 import shutil
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
-from pydantic import BaseModel, ConfigDict, ValidationError
+from pydantic import BaseModel, ConfigDict, NonNegativeFloat, ValidationError
 
 from garment_dataset.errors import WorkspaceError
 from garment_dataset.files import first_fault, hint_of, read_toml
@@ -46,6 +46,26 @@ class _Stages(BaseModel):
     modules: tuple[str, ...] = ()
 
 
+class NamesSettings(BaseModel):
+    """The table ``[names]`` of garment.toml: another scheme than the thesis' (:mod:`garment_dataset.catalog.schemes`).
+
+    Parameters
+    ----------
+    pattern : str
+        Regular expression with named groups.
+    axis : {"R", "B"} or dict of str to {"R", "B"}, optional
+        What the words of the group ``axis`` mean, or the axis of all where there is no such group.
+    speed : float, optional
+        Speed of all where there is no such group.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    pattern: str
+    axis: Literal["R", "B"] | dict[str, Literal["R", "B"]] | None = None
+    speed: NonNegativeFloat | None = None
+
+
 class _Settings(BaseModel):
     """All of garment.toml."""
 
@@ -53,6 +73,7 @@ class _Settings(BaseModel):
 
     paths: _Paths = _Paths()
     stages: _Stages = _Stages()
+    names: NamesSettings | None = None
 
 
 @dataclass(frozen=True)
@@ -75,6 +96,8 @@ class Layout:
         Store, index and scratch space; safe to delete, at the cost of building again.
     stage_modules : tuple of str
         Which modules of ``stages_dir`` hold a stage.
+    names : NamesSettings or None
+        How bags are named, if otherwise than in the thesis.
     """
 
     root: Path
@@ -85,6 +108,7 @@ class Layout:
     stages_dir: Path
     private_dir: Path
     stage_modules: tuple[str, ...] = ()
+    names: NamesSettings | None = None
 
     @classmethod
     def find(cls, path: Path | None = None) -> Self:
@@ -133,6 +157,7 @@ class Layout:
             stages_dir=root / paths.stages,
             private_dir=root / paths.private,
             stage_modules=settings.stages.modules,
+            names=settings.names,
         )
 
     @classmethod

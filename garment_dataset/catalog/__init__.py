@@ -10,24 +10,24 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from garment_dataset.catalog.background_source import BackgroundSource
 from garment_dataset.catalog.filters import compile_filter, parse_term, terms_of
 from garment_dataset.catalog.folder import FolderScan, scan
 from garment_dataset.catalog.hints import idle_globs, why_nothing
-from garment_dataset.catalog.names import BackgroundName, RecordingName, parse_bag_name
+from garment_dataset.catalog.names import BackgroundName, RecordingName
 from garment_dataset.catalog.rows import (
-    LABELS,
     ROW_KEYS,
     ROW_UNITS,
-    UNSPECIFIED,
     CatalogRow,
     join_rows,
     to_frame,
     words_of,
 )
+from garment_dataset.catalog.schemes import THESIS, Scheme, scheme_of
 from garment_dataset.catalog.tables import Background, Garment, Holding, Recording, Tables, read_tables
 from garment_dataset.errors import CatalogError, DataWarning, FilterError, nearest_word
 from garment_dataset.files import hint_of, read_text
-from garment_dataset.layout import nearest_catalog
+from garment_dataset.layout import Layout, nearest_catalog, workspace_above
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping
@@ -50,58 +50,6 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True, slots=True)
-class BackgroundSource:
-    """What shows the empty scene to the recordings of one camera position.
-
-    Parameters
-    ----------
-    topics_file : int
-        Number X in the names of these recordings.
-    source : str
-        Name of the bag: of an empty scene, or of a recording.
-    from_s, to_s : float or None
-        Interval of the bag, from the first to before the second, after its first colour image; None: without bound.
-    path : Path or None
-        The bag; None when the folder does not hold it, or was not looked at.
-    missing : str
-        What to provide when it is not there.
-    row : CatalogRow or None
-        The bag's own row, when it is a recording.
-    """
-
-    topics_file: int
-    source: str
-    from_s: float | None
-    to_s: float | None
-    path: Path | None
-    missing: str
-    row: CatalogRow | None
-
-    @property
-    def labels(self) -> dict[str, str | int | float | None]:
-        """What stands in the identity columns of its results."""
-        return self.row.labels if self.row is not None else {**dict.fromkeys(LABELS), "recording": self.source}
-
-    @property
-    def partition(self) -> dict[str, str]:
-        """The hive partition of the results of its bag."""
-        if self.row is not None:
-            return self.row.partition
-        return {"garment": "camera_default", "holding": UNSPECIFIED}
-
-    def record(self) -> dict[str, object]:
-        """Return it as plain values, for ``--json``."""
-        names = ("topics_file", "source", "from_s", "to_s", "path", "missing")
-        return {name: getattr(self, name) for name in names}
-
-    def __str__(self) -> str:
-        if self.from_s is None and self.to_s is None:
-            return self.source
-        end = "its end" if self.to_s is None else f"{self.to_s:g} s"
-        return f"{self.source}, {self.from_s or 0:g} s to {end}"
-
-
 @dataclass(frozen=True)
 class Catalog:
     """The tables of a data set, and the bags of a folder if one was looked at.
@@ -114,6 +62,8 @@ class Catalog:
         Garments, holdings, recordings and backgrounds; and what is wrong with them, if loaded with ``strict=False``.
     found : FolderScan, optional
         What the folder of recordings holds.
+    scheme : Scheme
+        By which recordings are named.
 
     Examples
     --------
@@ -125,9 +75,10 @@ class Catalog:
     folder: Path
     tables: Tables
     found: FolderScan | None = None
+    scheme: Scheme = THESIS
 
     @classmethod
-    def load(cls, folder: Path | None = None, *, strict: bool = True) -> Catalog:
+    def load(cls, folder: Path | None = None, *, strict: bool = True, scheme: Scheme = THESIS) -> Catalog:
         """Read the tables.
 
         Parameters
@@ -138,29 +89,40 @@ class Catalog:
         strict : bool
             Whether a table that cannot be read or contradicts itself is an error; otherwise it is kept in
             ``tables.problems``.
+        scheme : Scheme
+            By which recordings are named; without a folder, that of the workspace.
 
         Raises
         ------
         CatalogError
             With file, line, column, what was expected and what was found.
         """
-        folder = nearest_catalog(Path.cwd()) if folder is None else folder
-        tables = read_tables(folder)
+        if folder is None:
+            folder = nearest_catalog(Path.cwd())
+            root = workspace_above(Path.cwd())
+            scheme = scheme if root is None else scheme_of(Layout.at(root))
+        tables = read_tables(folder, scheme)
         if strict:
             tables.check()
-        return cls(folder, tables)
+        return cls(folder, tables, scheme=scheme)
+
+    @classmethod
+    def of(cls, layout: Layout, *, strict: bool = True) -> Catalog:
+        """Read the tables of a workspace, and look at its folder of recordings; see :meth:`load`."""
+        catalog = cls.load(layout.catalog_dir, strict=strict, scheme=scheme_of(layout))
+        return catalog.with_folder(layout.recordings_dir)
 
     def with_folder(self, recordings_dir: Path) -> Catalog:
         """Return this catalog with the state of every recording in a folder of bags."""
-        return dataclasses.replace(self, found=scan(recordings_dir))
+        return dataclasses.replace(self, found=scan(recordings_dir, self.scheme))
 
     @cached_property
     def rows(self) -> tuple[CatalogRow, ...]:
         """All recordings: the tables' in their order, then the unexpected ones by name."""
         if self.found is None:
-            return join_rows(self.tables, None)
+            return join_rows(self.tables, None, self.scheme)
         bags = {str(bag.name): bag.path for bag in self.found.bags if isinstance(bag.name, RecordingName)}
-        return join_rows(self.tables, bags)
+        return join_rows(self.tables, bags, self.scheme)
 
     @cached_property
     def backgrounds(self) -> Mapping[int, BackgroundSource]:
@@ -222,7 +184,7 @@ class Catalog:
         CatalogError
             If it is, but neither tables nor folder have it; the hint gives the nearest that they have.
         """
-        name = str(parse_bag_name(recording))
+        name = str(self.scheme.parse(recording))
         if (row := self._by_name.get(name)) is None:
             nearest = nearest_word(name, self._by_name, cutoff=0.8)
             hint = f"Did you mean {nearest}?" if nearest else "`garment list` shows what there is."

@@ -84,7 +84,7 @@ def compile_filter(terms: Iterable[str], keys: Keys, words: Words | None = None)
     refused: list[tuple[str, Predicate]] = []
     compared: list[tuple[str, Predicate]] = []
     for text in terms:
-        term = parse_term(text, keys)
+        term = parse_term(text, keys, words)
         _refuse_unknown(term, keys, words or {})
         _, key, sign, values = term
         if sign in _COMPARISONS:
@@ -133,17 +133,18 @@ def _written(value: object) -> list[str]:
     return ["" if value is None or str(value) in {"nan", "<NA>"} else str(value)]  # as numpy and pandas say missing
 
 
-def parse_term(text: str, keys: Keys) -> Term:
-    """Take a term apart.
+def parse_term(text: str, keys: Keys, words: Words | None = None) -> Term:
+    """Take a term apart; a name that is among the words is taken as it is.
 
     Raises
     ------
     FilterError
         If it is empty, or names no key.
     """
+    known = (words or {}).get(NAME_KEY, ())
     text = unicodedata.normalize("NFC", text)  # as the tables are read
     if (found := _TERM.fullmatch(text)) is None:
-        return Term(text, NAME_KEY, "=", (_name_pattern(text),))
+        return Term(text, NAME_KEY, "=", (_name_pattern(text, known),))
     key, values = found["key"].strip(), tuple(value.strip() for value in found["values"].split(","))
     if key not in keys:
         nearest = nearest_word(key, keys)
@@ -152,7 +153,7 @@ def parse_term(text: str, keys: Keys) -> Term:
         hint = None if nearest is None else f"Did you mean {nearest}{rest}?"
         raise FilterError("no such key", where=text, expected=", ".join(keys), found=repr(key), hint=hint)
     if key == NAME_KEY:
-        values = tuple(_name_pattern(value) for value in values)
+        values = tuple(_name_pattern(value, known) for value in values)
     return Term(text, key, found["operator"], values)
 
 
@@ -190,14 +191,16 @@ def _what_is_meant(term: Term, value: str, keys: Keys, words: Words) -> str | No
     return did_you_mean(value, words[term.key], prefix)
 
 
-def _name_pattern(text: str) -> str:
+def _name_pattern(text: str, known: Collection[str]) -> str:
     """Let a file name as the shell completes it, or as table B.3 prints it, name its recording."""
     if not text:
         raise FilterError("empty filter", expected="key=value[,value] or a glob on the recording's name")
+    if (stem := text.removesuffix(".bag")) in known:
+        return stem
     try:
         return str(parse_bag_name(text))
     except RecordingNameError:
-        return text.removesuffix(".bag")
+        return stem
 
 
 def _test(key: str, value: str, kind: Kind) -> Predicate:

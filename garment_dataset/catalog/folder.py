@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
+import unicodedata
 import warnings
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from garment_dataset.catalog.ignoring import IGNORE_FILE, Ignoring, read_ignoring
-from garment_dataset.catalog.names import BackgroundName, RecordingName, parse_bag_name
+from garment_dataset.catalog.schemes import THESIS, BagName, Scheme
 from garment_dataset.errors import CatalogError, DataWarning, RecordingNameError
 
 SALVAGED = ".salvaged.bag"
@@ -22,12 +23,12 @@ class FoundBag:
     """A finished bag with a readable name: a ROS 1 ``.bag`` file or a rosbag2 folder."""
 
     path: Path
-    name: RecordingName | BackgroundName
+    name: BagName
 
     @property
     def is_canonical(self) -> bool:
         """Whether the file is called as the name is written."""
-        return self.path.name in (str(self.name), f"{self.name}.bag")
+        return unicodedata.normalize("NFC", self.path.name) in (str(self.name), f"{self.name}.bag")
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,6 +59,8 @@ class FolderScan:
         ``.salvaged.bag`` files: copies of damaged bags, which are not used under that name.
     ignored : tuple of Path
         Bags and folders that ``.garmentignore`` leaves out.
+    scheme : Scheme
+        By which the names were read.
     """
 
     folder: Path
@@ -67,6 +70,7 @@ class FolderScan:
     unfinished: tuple[Path, ...]
     salvaged: tuple[Path, ...] = ()
     ignored: tuple[Path, ...] = ()
+    scheme: Scheme = THESIS
 
     @property
     def is_empty(self) -> bool:
@@ -74,7 +78,7 @@ class FolderScan:
         return not (self.bags or self.refused or self.unfinished)
 
 
-def scan(folder: Path) -> FolderScan:
+def scan(folder: Path, scheme: Scheme = THESIS) -> FolderScan:
     """Look for bags in ``folder``; a folder that does not exist holds none.
 
     A bag is a ``.bag`` file or a folder with a ``metadata.yaml`` (rosbag2). Hidden entries are not looked at, nor what
@@ -94,7 +98,7 @@ def scan(folder: Path) -> FolderScan:
     refused: list[tuple[Path, RecordingNameError]] = []
     for path in map(Path, sorted(walked.finished)):
         try:
-            bag = FoundBag(path, parse_bag_name(path.name))
+            bag = FoundBag(path, scheme.parse(path.name))
         except RecordingNameError as error:
             refused.append((path, error))
         else:
@@ -107,7 +111,7 @@ def scan(folder: Path) -> FolderScan:
         duplicates += [Duplicate(bag, used) for bag in others if not bag.path.samefile(used.path)]
     unused = (walked.unfinished, walked.salvaged, walked.ignored)
     unfinished, salvaged, ignored = (tuple(map(Path, sorted(paths))) for paths in unused)
-    return FolderScan(folder, tuple(bags), tuple(duplicates), tuple(refused), unfinished, salvaged, ignored)
+    return FolderScan(folder, tuple(bags), tuple(duplicates), tuple(refused), unfinished, salvaged, ignored, scheme)
 
 
 @dataclass

@@ -4,19 +4,24 @@ from __future__ import annotations
 
 import difflib
 import re
+from collections import Counter
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from typing import TYPE_CHECKING, Literal
 
 from garment_dataset.catalog.folder import SALVAGED
-from garment_dataset.catalog.names import BackgroundName, RecordingName, parse_bag_name, repair_name
-from garment_dataset.errors import RecordingNameError
+from garment_dataset.catalog.names import BackgroundName, RecordingName, plain_stem
+from garment_dataset.catalog.schemes import PatternName
+from garment_dataset.catalog.suffixes import WHOLE, appended_to
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
     from pathlib import Path
 
     from garment_dataset.catalog import Catalog
+    from garment_dataset.catalog.folder import FolderScan
+    from garment_dataset.catalog.schemes import Scheme
+    from garment_dataset.catalog.suffixes import Appended
 
 Code = Literal[
     "table-error",
@@ -149,23 +154,46 @@ def _files(catalog: Catalog, known: _Known) -> Iterator[Finding]:
     for bag in found.bags:
         if not bag.is_canonical:
             yield known.misnamed(bag.path, str(bag.name), "not the written form")
-    for path, error in found.refused:
-        if (meant := known.meant_by_file(path.name)) is not None:
-            yield known.misnamed(path, meant, error.what)
-        else:
-            nearest = known.nearest(path.name)
-            hint = f"Expected {error.expected}." if nearest is None else f"Did you mean {nearest}?"
-            yield _finding("misnamed", path.name, path, error.what, hint)
+    yield from _refused(found, known)
     for duplicate in found.duplicates:
         message = f"the same recording is also {duplicate.used.path}, which is the one used"
         hint = "Keep one, or give the other a name of its own."
         yield _finding("duplicate", str(duplicate.bag.name), duplicate.bag.path, message, hint)
     for path in found.unfinished:
-        yield _unfinished(path)
+        yield _unfinished(path, catalog.scheme)
     for path in found.salvaged:
         name = path.name[: -len(SALVAGED)]
         hint = f"To use it, move the damaged one out of the folder and rename this to {name}.bag."
         yield _finding("salvaged", name, path, "what was saved of a damaged bag, not used under this name", hint)
+
+
+def _refused(found: FolderScan, known: _Known) -> Iterator[Finding]:
+    """Report the bags whose names are none, with those they should have."""
+    parts = Counter(appended.given for path, _ in found.refused if (appended := _part(path)) is not None)
+    meant_by = {path: known.meant_by_file(path.name) for path, _ in found.refused}
+    counts = Counter(meant_by.values())
+    for path, error in found.refused:
+        appended, meant = _part(path), meant_by[path]
+        whole = None if appended is None else known.meant_by_file(appended.given)
+        if appended is not None and whole is not None and (appended.part or parts[appended.given] > 1):
+            hint = f"{WHOLE} `rosbags-convert --src PARTS --dst {whole}.bag`."
+            yield _finding("misnamed", path.name, path, error.what, hint)
+        elif meant is not None:
+            misnamed = known.misnamed(path, meant, error.what)
+            if counts[meant] > 1:
+                others = f"{counts[meant]} bags would get that name: keep one, or give each a name of its own."
+                misnamed = replace(misnamed, hint=others)
+            yield misnamed
+        else:
+            nearest = known.nearest(path.name)
+            hint = f"Expected {error.expected}." if nearest is None else f"Did you mean {nearest}?"
+            yield _finding("misnamed", path.name, path, error.what, hint)
+
+
+def _part(path: Path) -> Appended | None:
+    """Take the name of a part of a recording apart; None for any other."""
+    appended = appended_to(plain_stem(path.name))
+    return None if appended is None or appended.part is None else appended
 
 
 def _rows(catalog: Catalog, known: _Known) -> Iterator[Finding]:
@@ -194,12 +222,9 @@ def _rows(catalog: Catalog, known: _Known) -> Iterator[Finding]:
             yield _finding("unpaired", row.recording, row.path, message)
 
 
-def _unfinished(path: Path) -> Finding:
+def _unfinished(path: Path, scheme: Scheme) -> Finding:
     stem = re.sub(r"\.bag\.active$", "", path.name, flags=re.IGNORECASE)
-    try:
-        subject = str(parse_bag_name(stem))
-    except RecordingNameError:
-        subject = path.name
+    subject = scheme.repair(stem) or path.name
     if path.suffix.lower() == ".active":
         hint = "If no recorder is at work on it, `garment salvage` makes a whole bag of it."
         return _finding("unfinished", subject, path, "the recorder did not finish this bag", hint)
@@ -215,6 +240,7 @@ class _Known:
     """
 
     def __init__(self, catalog: Catalog) -> None:
+        self._scheme = catalog.scheme
         bags = () if catalog.found is None else catalog.found.bags
         self._taken = {str(bag.name): bag.path for bag in bags}
         self._garments = tuple(row.garment for row in catalog.tables.garments)
@@ -238,7 +264,7 @@ class _Known:
         """Find what a readable name in no table stands for."""
         if (same := self._folded.get(_folded(name))) is not None:
             return same
-        if name.garment is None or name.holding is None:
+        if name.garment is None or name.holding is None or isinstance(name, PatternName):
             return None
         rest = name.name.removeprefix(f"{name.garment}_{name.holding}")
         garment, holding = _like(name.garment, self._garments), _like(name.holding, self._holdings)
@@ -247,9 +273,9 @@ class _Known:
 
     def meant_by_file(self, file_name: str) -> str | None:
         """Find what a refused name stands for."""
-        if (repaired := repair_name(file_name)) is None:
+        if (repaired := self._scheme.repair(file_name)) is None:
             return None
-        name = parse_bag_name(repaired)
+        name = self._scheme.parse(repaired)
         return repaired if isinstance(name, BackgroundName) else self.meant_by(name) or repaired
 
     def nearest(self, file_name: str) -> str | None:
@@ -260,6 +286,8 @@ class _Known:
 
 
 def _folded(name: RecordingName) -> tuple[object, ...]:
+    if isinstance(name, PatternName):
+        return (str(name).casefold(),)
     tokens = (f"#{int(token)}" if token.isdecimal() else token for token in name.name.lower().split("_"))
     words = "".join(tokens).replace("-", "")
     return words, float(name.speed), name.counter, name.axis, name.topics_file

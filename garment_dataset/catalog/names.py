@@ -32,6 +32,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import Literal
 
+from garment_dataset.catalog.suffixes import appended_to
 from garment_dataset.errors import RecordingNameError
 
 _PART = r"[A-Za-z0-9][A-Za-z0-9-]*"
@@ -50,7 +51,7 @@ _CONVENTION = re.compile(
 _SWING = re.compile(r"(?:.*_)?pi(?P<divisor>[1-9][0-9]{0,2})")
 
 _MAX_FILE_NAME = 255
-_MAX_LENGTH = _MAX_FILE_NAME - len(".parquet")
+MAX_LENGTH = _MAX_FILE_NAME - len(".parquet")
 """Results are called as their recording is, and no file system takes a longer name."""
 
 _FORM = "<name>_<speed>[_<counter>]_<R|B><topics file>.bag"
@@ -89,7 +90,7 @@ class RecordingName:
     def __post_init__(self) -> None:
         found = _RECORDING.fullmatch(text := str(self))
         parts = (self.name, self.speed, self.counter, self.axis, self.topics_file)
-        if found is None or _parts(found) != parts or len(text) > _MAX_LENGTH:
+        if found is None or _parts(found) != parts or len(text) > MAX_LENGTH:
             raise _refusal(text)
 
     def __str__(self) -> str:
@@ -148,7 +149,7 @@ class BackgroundName:
 
     def __post_init__(self) -> None:
         found = _BACKGROUND.fullmatch(text := str(self))
-        if found is None or int(found["position"]) != self.position or len(text) > _MAX_LENGTH:
+        if found is None or int(found["position"]) != self.position or len(text) > MAX_LENGTH:
             raise _refusal(text)
 
     def __str__(self) -> str:
@@ -184,22 +185,31 @@ def repair_name(text: str) -> str | None:
     """Return the nearest valid name, without ``.bag``, or None when nothing less than a guess would make one.
 
     Mended are the separators, the decimal comma, the case of the axis and of ``.bag``, a missing topics number (taken
-    as 1), leading zeros, letters outside ASCII, a path in front and suffixes behind.
+    as 1), leading zeros, letters outside ASCII, a path in front, suffixes behind, and what ``rosbag record`` appends;
+    but a part that is not the first is no recording.
     """
-    last = re.split(r"[/\\]", text)[-1].strip()
+    last = plain_stem(text)
     if len(last) > _MAX_FILE_NAME:
         return None
     letters = (letter for letter in unicodedata.normalize("NFKD", last) if not unicodedata.combining(letter))
-    plain = _SUFFIXES.sub("", "".join(letter if letter.isascii() else "_" for letter in letters))
+    plain = "".join(letter if letter.isascii() else "_" for letter in letters)
     # In "pi16.0_5" the point and the underscore have changed places.
     plain = re.sub(r"(pi[0-9]+)[.,]([0-9]+)_([0-9]+)(?=_)", r"\1_\2.\3", plain)
+    if (candidate := _repaired(plain)) is None and (appended := appended_to(plain)) is not None and not appended.part:
+        candidate = _repaired(appended.given)
+    return None if candidate is None or _read(candidate) is None else candidate
+
+
+def plain_stem(text: str) -> str:
+    """Return a file name without a path in front and suffixes behind: of bags, of copies, of open and old bags."""
+    last = re.split(r"[/\\]", text)[-1].strip()
+    return last if len(last) > _MAX_FILE_NAME else _SUFFIXES.sub("", last)
+
+
+def _repaired(plain: str) -> str | None:
     if (found := _LOOSE_BACKGROUND.fullmatch(plain)) is not None:
-        candidate = f"camera_default_{int(found['position'])}"
-    elif (found := _LOOSE_RECORDING.fullmatch(plain)) is not None:
-        candidate = _tightened(found)
-    else:
-        return None
-    return None if _read(candidate) is None else candidate
+        return f"camera_default_{int(found['position'])}"
+    return None if (found := _LOOSE_RECORDING.fullmatch(plain)) is None else _tightened(found)
 
 
 def _tightened(loose: re.Match[str]) -> str:
@@ -227,7 +237,7 @@ _LOOSE_RECORDING = re.compile(
 
 @lru_cache(maxsize=2**14)  # tables, folder and results ask for the same names
 def _read(stem: str) -> RecordingName | BackgroundName | None:
-    if len(stem) > _MAX_LENGTH:
+    if len(stem) > MAX_LENGTH:
         return None
     if (found := _RECORDING.fullmatch(stem)) is None and (dotted := _DOTTED.fullmatch(stem)) is not None:
         found = _RECORDING.fullmatch(f"{dotted['head']}_{dotted['tail']}")
@@ -245,9 +255,12 @@ def _parts(found: re.Match[str]) -> tuple[str, str, str | None, Literal["R", "B"
 
 
 def _refusal(text: str) -> RecordingNameError:
-    if (length := len(text.removesuffix(".bag"))) > _MAX_LENGTH:
-        what, most = "a recording name that is too long", f"at most {_MAX_LENGTH} letters before .bag"
+    if (length := len(text.removesuffix(".bag"))) > MAX_LENGTH:
+        what, most = "a recording name that is too long", f"at most {MAX_LENGTH} letters before .bag"
         return RecordingNameError(what, expected=most, found=length, hint="Its results would be called as it is.")
     nearest = repair_name(text)
     hint = f"For example {_EXAMPLE}." if nearest is None else f"Did you mean {nearest}.bag?"
-    return RecordingNameError("not a recording name", expected=_FORM, found=repr(text), hint=hint)
+    appended = appended_to(plain_stem(text))
+    known = appended is not None and repair_name(appended.given) is not None
+    what = appended.text if appended is not None and known else "not a recording name"
+    return RecordingNameError(what, expected=_FORM, found=repr(text), hint=hint)

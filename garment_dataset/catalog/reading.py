@@ -21,6 +21,7 @@ from garment_dataset.catalog.columns import (
     parse_cell,
     read_entries,
 )
+from garment_dataset.catalog.schemes import THESIS, Scheme
 from garment_dataset.errors import did_you_mean, one_of
 from garment_dataset.files import hint_of, read_text
 
@@ -83,6 +84,8 @@ class TableReader:
     ----------
     folder : Path
         The catalog.
+    scheme : Scheme
+        By which recordings are named.
     problems : list of TableProblem
         What was wrong so far.
     columns : list of Column
@@ -90,6 +93,7 @@ class TableReader:
     """
 
     folder: Path
+    scheme: Scheme = THESIS
     problems: list[TableProblem] = field(default_factory=list)
     columns: list[Column] = field(default_factory=list)
     _entries: Mapping[str, ColumnEntry] = field(init=False)
@@ -200,7 +204,7 @@ class TableReader:
     def _row(self, path: Path, line: int, cells: dict[str, str | None], model: type[RowT]) -> RowT | None:
         own = self._own_values(path, line, cells, model)
         try:
-            return model.model_validate(cells | own)
+            return model.model_validate(cells | own, context=self.scheme)
         except ValidationError as error:
             faults: Iterable[Any] = error.errors(include_url=False)
         for fault in faults:
@@ -213,7 +217,7 @@ class TableReader:
             self._note_cell(path, line, column, cells, model, expected, hint)
             cells = {**cells, column: None}
         try:
-            return model.model_validate(cells | own)
+            return model.model_validate(cells | own, context=self.scheme)
         except ValidationError:
             return None
 

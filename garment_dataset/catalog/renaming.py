@@ -7,7 +7,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from garment_dataset.catalog.names import parse_bag_name
+from garment_dataset.catalog.schemes import THESIS, Scheme
 from garment_dataset.errors import RecordingNameError
 
 if TYPE_CHECKING:
@@ -57,7 +57,9 @@ class RenamePlan:
     refused: tuple[RefusedRename, ...]
 
 
-def proposals(findings: Iterable[Finding], at: Mapping[str, Path]) -> dict[Path, tuple[str, ...]]:
+def proposals(
+    findings: Iterable[Finding], at: Mapping[str, Path], scheme: Scheme = THESIS
+) -> dict[Path, tuple[str, ...]]:
     """Collect the file names that findings propose.
 
     Parameters
@@ -66,6 +68,8 @@ def proposals(findings: Iterable[Finding], at: Mapping[str, Path]) -> dict[Path,
         Those without a target propose nothing.
     at : mapping of str to Path
         The bags by what findings say of where they are.
+    scheme : Scheme
+        By which recordings are named.
 
     Returns
     -------
@@ -78,11 +82,14 @@ def proposals(findings: Iterable[Finding], at: Mapping[str, Path]) -> dict[Path,
         path = at.get(finding.where or "")
         if finding.target is not None and path is not None:
             found.setdefault(path, []).append(finding.target)
-    return {path: _decided(path, tuple(dict.fromkeys(names))) for path, names in sorted(found.items())}
+    return {path: _decided(path, tuple(dict.fromkeys(names)), scheme) for path, names in sorted(found.items())}
 
 
 def plan_renames(
-    proposed: Mapping[Path, tuple[str, ...]], bags: Collection[Path], untouchable: Mapping[Path, str]
+    proposed: Mapping[Path, tuple[str, ...]],
+    bags: Collection[Path],
+    untouchable: Mapping[Path, str],
+    scheme: Scheme = THESIS,
 ) -> RenamePlan:
     """Decide which of the proposed renames can be done, all together.
 
@@ -94,6 +101,8 @@ def plan_renames(
         All that the folder holds: a rename to the name of one that keeps its own is refused, in whatever folder it is.
     untouchable : mapping of Path to str
         Bags that must not be renamed, and why.
+    scheme : Scheme
+        By which recordings are named.
 
     Returns
     -------
@@ -107,7 +116,7 @@ def plan_renames(
         elif path in untouchable:
             refused[path] = untouchable[path]
     moving = {path: names[0] for path, names in proposed.items() if path not in refused}
-    while collisions := _collisions(moving, bags):
+    while collisions := _collisions(moving, bags, scheme):
         refused |= collisions
         moving = {path: name for path, name in moving.items() if path not in collisions}
     return RenamePlan(
@@ -139,27 +148,27 @@ def folded(text: str) -> str:
     return unicodedata.normalize("NFC", text).casefold()
 
 
-def _decided(path: Path, names: tuple[str, ...]) -> tuple[str, ...]:
-    same = tuple(name for name in names if _recording(name) != _recording(path.name))
+def _decided(path: Path, names: tuple[str, ...], scheme: Scheme) -> tuple[str, ...]:
+    same = tuple(name for name in names if _recording(name, scheme) != _recording(path.name, scheme))
     return same or names
 
 
-def _collisions(moving: Mapping[Path, str], bags: Collection[Path]) -> dict[Path, str]:
+def _collisions(moving: Mapping[Path, str], bags: Collection[Path], scheme: Scheme) -> dict[Path, str]:
     """Return which renames would make two of one name."""
-    staying = {_recording(path.name): path for path in bags if path not in moving}
-    counts = Counter(_recording(name) for name in moving.values())
+    staying = {_recording(path.name, scheme): path for path in bags if path not in moving}
+    counts = Counter(_recording(name, scheme) for name in moving.values())
     found: dict[Path, str] = {}
     for path, name in moving.items():
-        if (other := staying.get(_recording(name))) is not None:
+        if (other := staying.get(_recording(name, scheme))) is not None:
             found[path] = f"{other} has that name already"
-        elif counts[_recording(name)] > 1:
+        elif counts[_recording(name, scheme)] > 1:
             found[path] = "another bag would get that name, too"
     return found
 
 
-def _recording(file_name: str) -> str:
+def _recording(file_name: str, scheme: Scheme) -> str:
     """Return what names of one recording have in common."""
     try:
-        return folded(str(parse_bag_name(file_name)))
+        return folded(str(scheme.parse(file_name)))
     except RecordingNameError:
         return folded(file_name)

@@ -6,8 +6,9 @@ from dataclasses import dataclass, field
 from operator import itemgetter
 from typing import TYPE_CHECKING, Any, Literal
 
-from garment_dataset.catalog.names import RecordingName, parse_bag_name
+from garment_dataset.catalog.names import RecordingName
 from garment_dataset.catalog.own_values import OwnValues
+from garment_dataset.catalog.schemes import THESIS, Scheme
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -163,7 +164,7 @@ _CATEGORIES: dict[str, list[str]] = {
 _CLOTH = ("garment_kind", "color", "width_m", "height_m", "weight_kg")
 
 
-def join_rows(tables: Tables, bags: Mapping[str, Path] | None) -> tuple[CatalogRow, ...]:
+def join_rows(tables: Tables, bags: Mapping[str, Path] | None, scheme: Scheme = THESIS) -> tuple[CatalogRow, ...]:
     """Join the tables with each other and with the bags that were found.
 
     Parameters
@@ -172,6 +173,8 @@ def join_rows(tables: Tables, bags: Mapping[str, Path] | None) -> tuple[CatalogR
         The three tables.
     bags : mapping of str to Path, optional
         Path of every bag by the recording's name; None when no folder was looked at.
+    scheme : Scheme
+        By which recordings are named.
 
     Returns
     -------
@@ -180,7 +183,7 @@ def join_rows(tables: Tables, bags: Mapping[str, Path] | None) -> tuple[CatalogR
     """
     listed = {row.recording: row for row in tables.recordings}
     found = {} if bags is None else bags
-    names = {text: _recording_name(text) for text in dict.fromkeys([*listed, *found])}
+    names = {text: _recording_name(text, scheme) for text in dict.fromkeys([*listed, *found])}
     garment_words = {row.letter: row.garment for row in tables.garments}
     holding_words = {row.letter: row.holding for row in tables.holdings}
     cloths = {row.garment: _cloth(row) for row in tables.garments}
@@ -257,8 +260,8 @@ def words_of(tables: Tables, rows: Iterable[CatalogRow]) -> dict[str, tuple[str,
     return FIXED_WORDS | {key: tuple(dict.fromkeys(filter(None, words))) for key, words in found.items()}
 
 
-def _recording_name(text: str) -> RecordingName:
-    name = parse_bag_name(text)
+def _recording_name(text: str, scheme: Scheme) -> RecordingName:
+    name = scheme.parse(text)
     assert isinstance(name, RecordingName)
     return name
 

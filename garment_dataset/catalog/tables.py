@@ -10,10 +10,11 @@ import os
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Annotated
 
-from pydantic import AfterValidator, Field, NonNegativeFloat, PositiveFloat, PositiveInt
+from pydantic import AfterValidator, Field, NonNegativeFloat, PositiveFloat, PositiveInt, ValidationInfo
 
-from garment_dataset.catalog.names import RecordingName, parse_bag_name
+from garment_dataset.catalog.names import RecordingName
 from garment_dataset.catalog.reading import Row, TableProblem, TableReader, unread
+from garment_dataset.catalog.schemes import THESIS, Scheme
 from garment_dataset.errors import CatalogError, RecordingNameError
 
 if TYPE_CHECKING:
@@ -23,9 +24,13 @@ if TYPE_CHECKING:
     from garment_dataset.catalog.columns import Column
 
 
-def _canonical(text: str) -> str:
+def _scheme(info: ValidationInfo) -> Scheme:
+    return THESIS if info.context is None else info.context
+
+
+def _canonical(text: str, info: ValidationInfo) -> str:
     try:
-        name = parse_bag_name(text)
+        name = _scheme(info).parse(text)
     except RecordingNameError as error:
         raise ValueError(error.hint) from error
     if not isinstance(name, RecordingName):
@@ -33,15 +38,21 @@ def _canonical(text: str) -> str:
     return str(name)
 
 
-def _canonical_bag(text: str) -> str:
+def _canonical_bag(text: str, info: ValidationInfo) -> str:
     try:
-        return str(parse_bag_name(text))
+        return str(_scheme(info).parse(text))
     except RecordingNameError as error:
         raise ValueError(error.hint) from error
 
 
+def _word(text: str, info: ValidationInfo) -> str:
+    if not _scheme(info).is_word(text):
+        raise ValueError("A letter, then letters, digits and hyphens.")
+    return text
+
+
 Letter = Annotated[str, Field(pattern=r"^[A-Za-z0-9]+$", description="a letter, or letters and digits")]
-Word = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9-]*$", description="the word that stands in file names")]
+Word = Annotated[str, AfterValidator(_word), Field(description="the word that stands in file names")]
 Text = Annotated[str | None, Field(description="text or nothing")]
 Positive = Annotated[PositiveFloat | None, Field(description="a number above zero or nothing")]
 
@@ -122,12 +133,12 @@ class Tables:
         raise CatalogError(first.what, where=first.where, expected=first.expected, found=first.found, hint=hint)
 
 
-def read_tables(folder: Path) -> Tables:
+def read_tables(folder: Path, scheme: Scheme = THESIS) -> Tables:
     """Read the tables; whatever is wrong becomes a problem, and as much as can be read is kept.
 
     A cell that cannot be read is kept as missing; of two rows for the same thing the first is kept.
     """
-    reader = TableReader(folder)
+    reader = TableReader(folder, scheme)
     garments = reader.read("garments.csv", Garment, ("letter", "garment"))
     holdings = reader.read("holdings.csv", Holding, ("letter",))
     recordings = reader.read("recordings.csv", Recording, ("recording",))
@@ -141,7 +152,7 @@ def read_tables(folder: Path) -> Tables:
         )
     }
     for line, recording in recordings:
-        reader.problems.extend(_contradictions(folder / "recordings.csv", line, recording, words))
+        reader.problems.extend(_contradictions(folder / "recordings.csv", line, recording, scheme, words))
     backgrounds = _read_backgrounds(reader)
     reader.finish()
     return Tables(
@@ -165,7 +176,7 @@ def _read_backgrounds(reader: TableReader) -> tuple[Background, ...]:
         whole = row.from_s is None and row.to_s is None
         if row.to_s is not None and row.to_s <= begin_s:
             what, expected, found = "an interval that holds nothing", f"more than {begin_s:g}", f"{row.to_s:g}"
-        elif whole and isinstance(parse_bag_name(row.source), RecordingName):
+        elif whole and isinstance(reader.scheme.parse(row.source), RecordingName):
             what, expected, found = "a recording without an interval", "when its scene is empty", "nothing"
         else:
             sound.append(row)
@@ -175,9 +186,9 @@ def _read_backgrounds(reader: TableReader) -> tuple[Background, ...]:
 
 
 def _contradictions(
-    path: Path, line: int, row: Recording, words: Mapping[str, Mapping[str, str] | None]
+    path: Path, line: int, row: Recording, scheme: Scheme, words: Mapping[str, Mapping[str, str] | None]
 ) -> Iterator[TableProblem]:
-    name = parse_bag_name(row.recording)
+    name = scheme.parse(row.recording)
     assert isinstance(name, RecordingName)
     for column, letter, word in (("garment", row.garment, name.garment), ("holding", row.holding, name.holding)):
         known = words[column]

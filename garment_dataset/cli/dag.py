@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from garment_dataset.catalog import Catalog
+from garment_dataset.catalog.schemes import scheme_of
 from garment_dataset.engine.graph import producers
 from garment_dataset.stages import Group
 from garment_dataset.workspace.known_stages import KnownStages
@@ -20,7 +21,7 @@ if TYPE_CHECKING:
 
 def load(layout: Layout) -> list[Pipeline]:
     """Read a workspace's pipelines, whatever is wrong with its tables."""
-    keys = Catalog.load(layout.catalog_dir, strict=False).filter_keys
+    keys = Catalog.load(layout.catalog_dir, strict=False, scheme=scheme_of(layout)).filter_keys
     return load_pipelines(layout.pipelines_dir, KnownStages.of(layout), keys)
 
 

@@ -57,7 +57,7 @@ def lint_(
         raise UsageError("--apply does what --rename proposes", hint="Add --rename; without --apply, nothing is done.")
     place = Workspace.find(workspace)
     with ready_to_rename(place, to_apply=to_apply):
-        catalog = Catalog.load(place.catalog_dir, strict=False).with_folder(place.recordings_dir)
+        catalog = Catalog.of(place, strict=False)
         content = _contradicted(place, catalog) if to_read else ()
         everything = _in_order((*lint(catalog), *_damaged(catalog), *_orphaned(place), *content))
         findings = _selected(filters or (), catalog, everything)

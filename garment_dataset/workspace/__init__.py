@@ -22,7 +22,7 @@ class Workspace(Layout):
         """Load the catalog, with the state of every recording in the recordings folder."""
         from garment_dataset.catalog import Catalog
 
-        return Catalog.load(self.catalog_dir).with_folder(self.recordings_dir)
+        return Catalog.of(self)
 
     def build(self, *filters: str, jobs: int | None = None, retry_failed: bool = False, forced: bool = False) -> Report:
         """Build what is missing or stale, and return what became of every node.

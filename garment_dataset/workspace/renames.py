@@ -39,13 +39,13 @@ def plan_for(place: Layout, findings: Iterable[Finding], found: FolderScan) -> R
     """
     bags = [bag.path for bag in found.bags] + [each.bag.path for each in found.duplicates]
     bags += [path for path, _ in found.refused]
-    proposed = proposals(findings, {str(path): path for path in bags})
+    proposed = proposals(findings, {str(path): path for path in bags}, found.scheme)
     untouchable = {path: "a link into somewhere else" for path in proposed if _is_linked(path, place.recordings_dir)}
     for path, names in proposed.items():
         target = path.with_name(names[0])
         if _is_there(target) and target not in bags:
             untouchable.setdefault(path, f"{target} is in the way")
-    return plan_renames(proposed, bags, untouchable)
+    return plan_renames(proposed, bags, untouchable, found.scheme)
 
 
 def is_interrupted(place: Layout) -> bool:

@@ -80,7 +80,7 @@ class Session:
     def _read(self) -> None:
         """Read everything that a person edits."""
         layout = self.layout
-        self.catalog = Catalog.load(layout.catalog_dir).with_folder(layout.recordings_dir)
+        self.catalog = Catalog.of(layout)
         known = KnownStages.of(layout)
         self.pipelines = load_pipelines(layout.pipelines_dir, known, self.catalog.filter_keys)
         named = {stage.name: stage for pipeline in self.pipelines for stage in pipeline.stages}
