@@ -174,8 +174,9 @@ class Layout:
         Raises
         ------
         WorkspaceError
-            If ``root`` already is one: nothing is ever overwritten.
+            If ``root`` already is one, as nothing is ever overwritten; or its name is no UTF-8.
         """
+        refuse_bytes("root", root.absolute(), root)
         if is_workspace(root):
             raise WorkspaceError("already a workspace", where=root, hint="Nothing was written.")
         source = packaged_workspace()
@@ -238,6 +239,25 @@ def _refuse_paths(root: Path, paths: _Paths) -> None:
         except (OSError, ValueError) as error:
             found = error.strerror if isinstance(error, OSError) else error
             raise WorkspaceError(f"no path for {name!r}", where=root / SETTINGS, found=f"{path}: {found}") from error
+    for name in ("features", "private"):
+        refuse_bytes(name, (root / getattr(paths, name)).absolute(), root / SETTINGS)
+
+
+def refuse_bytes(name: str, path: Path, where: Path) -> None:
+    """Refuse a folder of Parquet files whose name is no UTF-8, for Arrow can neither write nor read there.
+
+    Raises
+    ------
+    WorkspaceError
+        If it is one; ``name`` says what the folder is for, and ``where`` who says so.
+    """
+    try:
+        str(path).encode()
+    except UnicodeEncodeError as error:
+        hint = "Rename that folder, or have the workspace elsewhere; bags may lie in folders of any name."
+        raise WorkspaceError(
+            f"no path for {name!r}", where=where, expected="names in UTF-8", found=path, hint=hint
+        ) from error
 
 
 def _read_settings(path: Path) -> _Settings:

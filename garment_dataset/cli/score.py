@@ -61,8 +61,12 @@ def score(
     as_json: JsonOption = False,
 ) -> None:
     """Compare features of simulated recordings with their truth."""
+    from garment_dataset.layout import refuse_bytes
     from garment_dataset.score.recordings import score as score_recordings
     from garment_dataset.workspace.pipelines import DEFAULT_VARIANT
+
+    for name, folder in (("features", features), ("the truth", truth)):
+        refuse_bytes(name, folder.absolute(), folder)
 
     scores = score_recordings(features, truth, "" if variant == DEFAULT_VARIANT else variant)
     if as_json:

@@ -35,7 +35,7 @@ def simulate(
     workspace: WorkspaceOption = None,
 ) -> None:
     """Write simulated recordings, with the truth beside them."""
-    from garment_dataset.layout import Layout
+    from garment_dataset.layout import Layout, refuse_bytes
     from garment_dataset.simulate.nuisance import wanted_names
     from garment_dataset.simulate.orders import Order, forecast, names_of, run_orders
     from garment_dataset.simulate.physics import import_mujoco
@@ -43,6 +43,7 @@ def simulate(
     chosen = names_of(names or [], set_name)
     wanted_names(nuisance)
     folder = Layout.find(workspace).recordings_dir if out is None else out
+    refuse_bytes("the truth", folder.absolute(), folder)
     orders = [Order(name, folder, seed, noise, scale, compression, frames, nuisance) for name in chosen]
     if any(not order.name.startswith("camera_default") for order in orders):
         import_mujoco()

@@ -131,12 +131,14 @@ class Index:
 
     def _execute(self, query: str, values: Iterable[object] = ()) -> list[Any]:
         with self._told():
-            return self._connection.execute(query, tuple(values)).fetchall()
+            return self._connection.execute(query, tuple(map(_stored, values))).fetchall()
 
     def _read(self, query: str, *values: object) -> list[tuple[Any, ...]]:
         """Return rows without their checksums, each of which must be right."""
         rows = []
         for *row, checksum in self._execute(query, values):
+            if bytes in map(type, row):
+                row = [_loaded(value) for value in row]  # noqa: PLW2901 - names of files that are no UTF-8
             if _checksum(row) != checksum:
                 raise IndexDamagedError(f"{self._path}: a row does not read back as written")
             rows.append(tuple(row))
@@ -234,6 +236,20 @@ class Index:
         """Forget the digests of these sources."""
         for path in paths:
             self._execute("DELETE FROM source WHERE path = ?", (path,))
+
+
+def _stored(value: object) -> object:
+    """Return a value as SQLite takes it: text that is no UTF-8, such as the names of some files, as bytes."""
+    if isinstance(value, str) and not value.isascii():
+        try:
+            value.encode()
+        except UnicodeEncodeError:
+            return value.encode("utf-8", "surrogatepass")
+    return value
+
+
+def _loaded(value: object) -> object:
+    return value.decode("utf-8", "surrogatepass") if isinstance(value, bytes) else value
 
 
 def _checksum(values: Iterable[object]) -> int:
