@@ -15,7 +15,7 @@ from garment_dataset.catalog.schemes import PatternName
 from garment_dataset.catalog.suffixes import WHOLE, appended_to
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterator, Sequence
     from pathlib import Path
 
     from garment_dataset.catalog import Catalog
@@ -132,13 +132,32 @@ def lint(catalog: Catalog, folder: Path | None = None) -> tuple[Finding, ...]:
         catalog = catalog.with_folder(folder)
     known = _Known(catalog)
     checks = (_table_errors(catalog), _files(catalog, known), _rows(catalog, known))
-    findings = [finding for check in checks for finding in check]
+    findings = _with_conflicts([finding for check in checks for finding in check])
     order = list(SEVERITIES)
     return tuple(sorted(findings, key=lambda finding: order.index(finding.code)))
 
 
 def _finding(code: Code, subject: str, where: object, message: str, hint: str | None = None) -> Finding:
     return Finding(code, SEVERITIES[code], subject, None if where is None else str(where), message, hint)
+
+
+def _with_conflicts(findings: Sequence[Finding]) -> list[Finding]:
+    """Say of bags that should get one name that they cannot all have it; some disks know no case."""
+    places: dict[str, set[str | None]] = {}
+    for finding in findings:
+        if finding.target is not None:
+            places.setdefault(_wanted(finding.target), set()).add(finding.where)
+    counts = {name: len(found) for name, found in places.items() if len(found) > 1}
+    return [
+        replace(finding, hint=f"{count} bags would get that name: keep one, or give each a name of its own.")
+        if finding.target is not None and (count := counts.get(_wanted(finding.target)))
+        else finding
+        for finding in findings
+    ]
+
+
+def _wanted(target: str) -> str:
+    return target.removesuffix(".bag").casefold()
 
 
 def _table_errors(catalog: Catalog) -> Iterator[Finding]:
@@ -170,20 +189,14 @@ def _files(catalog: Catalog, known: _Known) -> Iterator[Finding]:
 def _refused(found: FolderScan, known: _Known) -> Iterator[Finding]:
     """Report the bags whose names are none, with those they should have."""
     parts = Counter(appended.given for path, _ in found.refused if (appended := _part(path)) is not None)
-    meant_by = {path: known.meant_by_file(path.name) for path, _ in found.refused}
-    counts = Counter(meant_by.values())
     for path, error in found.refused:
-        appended, meant = _part(path), meant_by[path]
+        appended, meant = _part(path), known.meant_by_file(path.name)
         whole = None if appended is None else known.meant_by_file(appended.given)
         if appended is not None and whole is not None and (appended.part or parts[appended.given] > 1):
             hint = f"{WHOLE} `rosbags-convert --src PARTS --dst {whole}.bag`."
             yield _finding("misnamed", path.name, path, error.what, hint)
         elif meant is not None:
-            misnamed = known.misnamed(path, meant, error.what)
-            if counts[meant] > 1:
-                others = f"{counts[meant]} bags would get that name: keep one, or give each a name of its own."
-                misnamed = replace(misnamed, hint=others)
-            yield misnamed
+            yield known.misnamed(path, meant, error.what)
         else:
             nearest = known.nearest(path.name)
             hint = f"Expected {error.expected}." if nearest is None else f"Did you mean {nearest}?"

@@ -78,13 +78,16 @@ def test_a_dated_bag_is_renamed(place: Workspace) -> None:
         (f"towel_0.5_R1_{DATE}.bag", f"b/towel_0.5_R1_{DATE[:-1]}7.bag"),
         ("towel_0.5_R1.BAG", "Towel 0.5 R1.bag"),
         (f"towel_0.5_R1_{DATE}.bag", "towel_0.5_R1.bag"),
+        (f"towel_0.5_R1_{DATE}.bag", f"towel_0.5_R1_{DATE[:-1]}7/metadata.yaml"),
+        ("TOWEL_0.5_R1.bag", "Tow-el_0.5_R1.bag"),
+        (f"shawl_0.5_R1_{DATE}.bag", "Shawl 0.5 R1.bag"),
     ],
 )
 def test_two_bags_of_one_recording_are_a_conflict_and_keep_their_names(
     place: Workspace, names: tuple[str, ...]
 ) -> None:
     put(place, *names)
-    if names[1].startswith("Towel"):
+    if names[1].startswith("Tow"):
         (place.catalog_dir / "recordings.csv").write_text("recording\ntowel_0.5_R1\n")
     found = run(place, "lint", "code=misnamed").stdout
     assert "2 bags would get that name: keep one" in found or "has that name already: keep one of the two" in found
