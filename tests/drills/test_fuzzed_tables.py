@@ -48,12 +48,17 @@ VICTIMS = (
     "catalog/holdings.csv",
     "catalog/recordings.csv",
     "catalog/backgrounds.csv",
+    "catalog/columns.toml",
     "catalog/topics/1.txt",
+    "recordings/.garmentignore",
     "pipelines/depth.toml",
     "pipelines/colour.toml",
     "garment.toml",
 )
 SETTINGS = '[paths]\nfeatures = "results"\nrecordings = "recordings"\n\n[stages]\nmodules = []\n'
+
+
+COLUMNS = '[mass_kg]\ntype = "number"\nunit = "kg"\n\n[day]\ntype = "date"\ndescription = "of the recording"\n'
 
 
 class HangError(Exception):
@@ -270,7 +275,7 @@ def called(layout_root: Path) -> dict[str, Callable[[], object]]:
 
     def loaded(*, strict: bool) -> Catalog:
         layout = find()
-        return Catalog.load(layout.catalog_dir, strict=strict).with_folder(layout.recordings_dir)
+        return Catalog.of(layout, strict=strict)
 
     def pipelines() -> object:
         return load_pipelines(find().pipelines_dir, KnownStages.of(find()))
@@ -334,6 +339,13 @@ def sound(tmp_path_factory: pytest.TempPathFactory) -> Path:
     for name in NAMES:
         (layout.recordings_dir / f"{name}.bag").write_bytes(b"#ROSBAG V2.0\n")
     (layout.root / "garment.toml").write_text(SETTINGS, "utf-8")
+    garments = layout.catalog_dir / "garments.csv"
+    lines = garments.read_text("utf-8").splitlines()
+    garments.write_text(
+        "\n".join([f"{lines[0]},mass_kg,day", *(f"{line},0.5,2026-11-25" for line in lines[1:])]), "utf-8"
+    )
+    (layout.catalog_dir / "columns.toml").write_text(COLUMNS, "utf-8")
+    (layout.recordings_dir / ".garmentignore").write_text("# none\ntrial_[a-c]*/**/x?.bag\n!old/\n", "utf-8")
     outcome = Outcome(Counter())
     hold_to_law(layout.root, outcome)
     assert set(outcome.counts) == {"works"}
