@@ -125,6 +125,32 @@ class RecordingName:
         divisor = self.swing_divisor
         return None if divisor is None else math.pi / divisor
 
+    def changed(
+        self,
+        *,
+        axis: Literal["R", "B"] | None = None,
+        swing_divisor: int | None = None,
+        speed: str | None = None,
+        garment: str | None = None,
+        repeat: int | None = None,
+    ) -> RecordingName:
+        """Return this name with some of its parts changed; those that it does not have stay away.
+
+        Raises
+        ------
+        RecordingNameError
+            If that would be no name.
+        """
+        text = self.name
+        if garment is not None and self.garment is not None:
+            text = garment + text[len(self.garment) :]
+        if repeat is not None and self.counter is None:
+            text = re.sub(r"_[0-9]{2}(?=_|$)", f"_{repeat:02}", text, count=1)
+        if swing_divisor is not None:
+            text = re.sub(r"pi[0-9]+$", f"pi{swing_divisor}", text)
+        counter = f"{repeat:04}" if repeat is not None and self.counter is not None else self.counter
+        return RecordingName(text, speed or self.speed, axis or self.axis, self.topics_file, counter)
+
     def _convention(self, part: str) -> str | None:
         found = _CONVENTION.fullmatch(self.name)
         return None if found is None else found[part]

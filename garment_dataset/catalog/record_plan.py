@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from garment_dataset.catalog.hints import nearest_names
-from garment_dataset.catalog.names import BackgroundName, parse_bag_name, repair_name
+from garment_dataset.catalog.names import BackgroundName
 from garment_dataset.errors import CatalogError, RecordingNameError, UsageError
 
 if TYPE_CHECKING:
@@ -110,7 +110,7 @@ def plan_recording(catalog: Catalog, name: str) -> RecordPlan:
         hint = "Rename the folder, or have garment.toml name another one."
         raise UsageError("a path that no terminal shows", where=path, hint=hint)
     row = next((row for row in catalog.rows if row.recording == known), None)
-    number = parse_bag_name(known).topics_file
+    number = catalog.scheme.parse(known).topics_file
     topics_path, topics = _topics(catalog, number)
     notes = []
     if topics_path.stem != str(number):
@@ -133,9 +133,9 @@ def _known(catalog: Catalog, text: str) -> str:
     recordings = [row.recording for row in catalog.rows]
     scenes = [source.source for source in catalog.backgrounds.values() if source.row is None]
     try:
-        name = parse_bag_name(text)
+        name = catalog.scheme.parse(text)
     except RecordingNameError as error:
-        nearest = nearest_names(repair_name(text) or text, [*recordings, *scenes])
+        nearest = nearest_names(catalog.scheme.repair(text) or text, [*recordings, *scenes])
         raise CatalogError(
             "no such recording",
             expected="a name of the catalog",
@@ -218,7 +218,8 @@ def _about_background(row: CatalogRow, background: BackgroundSource) -> str:
     if background.source == row.recording:
         return f"Keep the scene empty at its time: it is its own background ({background})."
     if background.path is None:
-        return f"Record its empty scene, too, before anything is moved: garment record-plan {background.source}"
+        command = f"garment record-plan {shlex.quote(background.source)}"
+        return f"Record its empty scene, too, before anything is moved: {command}"
     return f"Its empty scene is there ({background}): see that camera and turntable have not been moved since."
 
 
@@ -226,11 +227,11 @@ def _afterwards(catalog: Catalog, row: CatalogRow | None, path: Path) -> Iterato
     """Yield the commands that tell whether the bag is good, use it, and plan its other half."""
     made = path if row is None or row.path is None else row.path
     yield f"garment check {shlex.quote(str(made))}"
-    yield f"garment lint {path.stem}"
+    yield f"garment lint {shlex.quote(path.stem)}"
     if row is None:
-        yield f"garment build axis=B topics_file={parse_bag_name(path.stem).topics_file}"
+        yield f"garment build axis=B topics_file={catalog.scheme.parse(path.stem).topics_file}"
         return
-    yield f"garment build {row.recording}"
+    yield f"garment build {shlex.quote(row.recording)}"
     partner = next((other for other in catalog.rows if other.recording == row.partner), None)
     if partner is not None and partner.path is None:
-        yield f"garment record-plan {partner.recording}"
+        yield f"garment record-plan {shlex.quote(partner.recording)}"

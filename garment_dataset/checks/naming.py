@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-import re
 from typing import TYPE_CHECKING, NamedTuple
 
 from garment_dataset.errors import RecordingNameError
@@ -61,18 +59,8 @@ class Contradiction(NamedTuple):
 
 def changed(name: RecordingName, change: Change) -> RecordingName | None:
     """Return a name with some of its parts changed; None when it does not have these parts, or would be no name."""
-    text = name.name
-    if change.garment is not None and name.garment is not None:
-        text = change.garment + text[len(name.garment) :]
-    if change.repeat is not None and name.counter is None:
-        text = re.sub(r"_[0-9]{2}(?=_|$)", f"_{change.repeat:02}", text, count=1)
-    if change.swing_divisor is not None:
-        text = re.sub(r"pi[0-9]+$", f"pi{change.swing_divisor}", text)
-    counter = f"{change.repeat:04}" if change.repeat is not None and name.counter is not None else name.counter
     try:
-        found = dataclasses.replace(
-            name, name=text, counter=counter, axis=change.axis or name.axis, speed=change.speed or name.speed
-        )
+        found = name.changed(**change._asdict())
     except RecordingNameError:
         return None
     return None if found == name else found

@@ -99,7 +99,7 @@ def _subjects(terms: Sequence[str], place: Layout | None) -> list[_Subject]:
         raise UsageError("no such bag", where=absent, hint="Without a path, filters choose among the workspace's bags.")
     if files:
         stems = Counter(path.stem for path in files)
-        return [_subject_of(path, path.stem if stems[path.stem] == 1 else str(path)) for path in files]
+        return [_subject_of(path, path.stem if stems[path.stem] == 1 else str(path), place) for path in files]
     if place is None:
         hint = "Name bags, or go to a workspace (`garment init DIR` makes one)."
         raise UsageError("nothing to check", found="no workspace here, and no bag named", hint=hint)
@@ -112,11 +112,13 @@ def _is_file(term: str) -> bool:
     return term.lower().endswith(_STORAGE) or (Path(term) / "metadata.yaml").is_file()
 
 
-def _subject_of(path: Path, name: str) -> _Subject:
-    from garment_dataset.catalog.names import BackgroundName, parse_bag_name
+def _subject_of(path: Path, name: str, place: Layout | None) -> _Subject:
+    from garment_dataset.catalog.names import BackgroundName
+    from garment_dataset.catalog.schemes import THESIS, scheme_of
 
+    scheme = THESIS if place is None else scheme_of(place)
     try:
-        parsed = parse_bag_name(path.name)
+        parsed = scheme.parse(path.name)
     except RecordingNameError:
         return _Subject(name, path)
     if isinstance(parsed, BackgroundName):
@@ -129,7 +131,7 @@ def _recorded(terms: Sequence[str], place: Layout) -> list[_Subject]:
     from garment_dataset.catalog import Catalog
     from garment_dataset.catalog.names import BackgroundName
 
-    catalog = Catalog.load(place.catalog_dir).with_folder(place.recordings_dir)
+    catalog = Catalog.of(place)
     subjects: list[_Subject] = []
     rows = catalog.select(terms)
     for row in rows:

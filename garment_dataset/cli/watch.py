@@ -125,8 +125,9 @@ class _Watcher:
     def _see(self) -> None:
         """Look at the folder and into the bags that have settled."""
         from garment_dataset.catalog.folder import scan
+        from garment_dataset.catalog.schemes import scheme_of
 
-        found = scan(self.place.recordings_dir)
+        found = scan(self.place.recordings_dir, scheme_of(self.place))
         states = {name: state for name, path in _paths_of(found).items() if (state := _state_of(path)) is not None}
         self._paths = {name: path for name, path in _paths_of(found).items() if name in states}
         there = {*states, *map(str, found.unfinished), _BUILD}
@@ -141,10 +142,11 @@ class _Watcher:
     def _judge(self, name: str) -> bool:
         """Say what keeps a bag that has settled from being final; return whether nothing does."""
         from garment_dataset.bags.condition import look
-        from garment_dataset.catalog.names import BackgroundName, parse_bag_name
+        from garment_dataset.catalog.names import BackgroundName
+        from garment_dataset.catalog.schemes import scheme_of
 
         if (condition := look(self._paths[name])) is None:
-            if isinstance(parse_bag_name(name), BackgroundName):
+            if isinstance(scheme_of(self.place).parse(name), BackgroundName):
                 self._say("final", name, "an empty scene")
             return True
         if condition.kind in _UNFINISHED:

@@ -84,7 +84,7 @@ def test_the_topics_file_of_the_name_is_taken_and_the_usual_one_stands_in(tables
         (b"--all\n", "not a topic"),
         (b"/tf,/joint_states\n", "not a topic"),
         ("/tf\n/größe\n".encode(), "not a topic"),
-        (b"/tf\x00\n", "not a topic"),
+        (b"/tf\x00\n", "a zero byte in line 1"),
         (b"/tf\n/joint_states\n/tf\n", "given twice"),
         (b"\xff\xfe/\x00t\x00f\x00", "UTF-8"),
     ],

@@ -150,6 +150,25 @@ def test_letters_composed_in_another_way_make_the_same_name() -> None:
     assert unicodedata.is_normalized("NFC", str(composed))
 
 
+@pytest.mark.parametrize(
+    ("changes", "text"),
+    [
+        ({"axis": "B"}, "scarf-corner-v0p5-across-007"),
+        ({"axis": "R"}, "scarf-corner-v0p5-along-007"),
+        ({"speed": "1.25"}, "scarf-corner-v1p25-along-007"),
+        ({"repeat": 12}, "scarf-corner-v0p5-along-012"),
+        ({"garment": "towel", "axis": "B"}, "towel-corner-v0p5-across-007"),
+        ({"swing_divisor": 8}, "scarf-corner-v0p5-along-007"),
+    ],
+)
+def test_a_name_with_other_parts_is_written_as_the_pattern_has_it(changes: dict[str, Any], text: str) -> None:
+    name = dashes().parse("scarf-corner-v0p5-along-007")
+    assert isinstance(name, RecordingName)
+    assert str(name.changed(**changes)) == text
+    with pytest.raises(RecordingNameError):
+        name.changed(garment="two words")
+
+
 # What is refused
 
 
