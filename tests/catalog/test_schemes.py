@@ -17,6 +17,7 @@ from typer.testing import CliRunner
 from garment_dataset.catalog import Catalog
 from garment_dataset.catalog.names import BackgroundName, RecordingName
 from garment_dataset.catalog.patterns import template_of
+from garment_dataset.catalog.record_plan import plan_recording
 from garment_dataset.catalog.schemes import THESIS, PatternScheme, compile_scheme
 from garment_dataset.cli import app
 from garment_dataset.engine.events import Ending
@@ -330,6 +331,23 @@ def test_a_build_names_its_results_by_it(place: Workspace, make_recording: Calla
     assert {event.ending for event in place.build(jobs=0).events.values()} == {Ending.BUILT}
     folder = place.features_dir / "points" / "garment=scarf" / "holding=corner"
     assert [path.name for path in folder.iterdir()] == ["scarf-corner-v0p5-along-001.parquet"]
+
+
+def test_a_recording_is_planned_by_its_name_in_the_pattern(place: Workspace) -> None:
+    (place.catalog_dir / "topics").mkdir()
+    (place.catalog_dir / "topics" / "1.txt").write_text("/tf\n")
+    planned = run(place, "record-plan", "scarf-corner-v0p5-along-001.bag").stdout
+    assert "recordings/scarf-corner-v0p5-along-001.bag" in planned
+    assert "garment record-plan scarf-corner-v0p5-across-001" in planned
+    with pytest.raises(CatalogError, match="Did you mean scarf-corner-v0p5-along-001"):
+        plan_recording(place.catalog(), "Scarf-corner-v0p5-along-001")
+
+
+def test_a_watch_builds_names_of_the_pattern(place: Workspace, make_recording: Callable[..., Path]) -> None:
+    make_recording(place.recordings_dir / "scarf-corner-v0p5-along-001.bag")
+    watched = run(place, "watch", "--once", "-j", "0", "--settle-s", "0.1")
+    assert "scarf-corner-v0p5-along-001" in watched.stdout
+    assert (place.features_dir / "points" / "garment=scarf").is_dir()
 
 
 def test_the_thesis_scheme_is_the_one_without_a_setting(tmp_path: Path) -> None:
