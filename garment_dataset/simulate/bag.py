@@ -9,6 +9,8 @@ import numpy as np
 from rosbags.rosbag1 import Writer
 
 from garment_dataset.simulate import messages, scene
+from garment_dataset.simulate.camera_pose import CameraPose
+from garment_dataset.simulate.nuisance_depth import USUAL_DEPTH, DepthNuisance
 from garment_dataset.simulate.robot import JOINTS, Robot
 from garment_dataset.simulate.timing import ticks
 
@@ -83,7 +85,13 @@ class Streams:
 
 
 def write_bag(
-    path: Path, streams: Streams, swing: Swing | None, begin_ns: int, duration_s: float, compression: Compression
+    path: Path,
+    streams: Streams,
+    swing: Swing | None,
+    begin_ns: int,
+    duration_s: float,
+    compression: Compression,
+    nuisance: DepthNuisance = USUAL_DEPTH,
 ) -> None:
     """Write all ten topics of a recording.
 
@@ -99,8 +107,13 @@ def write_bag(
         When the recording begins and how long it takes.
     compression : {"none", "lz4", "bz2"}
         Of the chunks.
+    nuisance : DepthNuisance
+        What is unusual about the camera's pose, and what is known of the gripper.
     """
-    events = [*_image_events(streams), *_robot_events(Robot(swing), swing, begin_ns, duration_s)]
+    pose = CameraPose(nuisance.camera_tilt_rad)
+    by_tf_m, by_topic_m = ((0.0,) * 3,) * 2 if nuisance.gripper_error_m is None else nuisance.gripper_error_m
+    said = None if swing is None else _Said(swing, pose, np.array(by_topic_m))
+    events = [*_image_events(streams), *_robot_events(Robot(swing, pose, by_tf_m), said, begin_ns, duration_s)]
     events.sort(key=lambda event: (event.record_ns, event.connection))
     store = messages.typestore()
     writer = Writer(path)
@@ -134,7 +147,19 @@ def _image_events(streams: Streams) -> Iterator[Event]:
         yield Event(record + 200_000, _REGISTERED_INFO, _call(messages.camera_info, index, stamp, color))
 
 
-def _robot_events(robot: Robot, swing: Swing | None, begin_ns: int, duration_s: float) -> Iterator[Event]:
+@dataclass(frozen=True)
+class _Said:
+    """What the topics say of the gripper."""
+
+    swing: Swing
+    pose: CameraPose
+    error_m: NDArray[np.float64]
+
+    def gripper_m(self, time_s: float) -> NDArray[np.float64]:
+        return self.pose.see(self.swing.gripper_m(time_s)) + self.error_m
+
+
+def _robot_events(robot: Robot, said: _Said | None, begin_ns: int, duration_s: float) -> Iterator[Event]:
     """Yield transforms, joints, the controller's feedback and the gripper's point, each at its own rate."""
     for stamp in ticks(begin_ns, duration_s, 10.0, 0.002).tolist():
         yield Event(stamp, _FIXED, _call(messages.transforms, stamp + _FIXED_AHEAD_NS, robot.fixed))
@@ -152,10 +177,10 @@ def _robot_events(robot: Robot, swing: Swing | None, begin_ns: int, duration_s: 
         if index % 2 == 0:
             found = robot.joints_rad(time_s - _FEEDBACK_LAG_S)
             yield Event(stamp + 1_100_000, _FEEDBACK, _call(messages.feedback, index, stamp, JOINTS, angles, found))
-    if swing is None:
+    if said is None:
         return
     for index, stamp in enumerate(ticks(begin_ns, duration_s, 30.0, 0.0112).tolist()):
-        place = swing.gripper_m((stamp - begin_ns) / 1e9)
+        place = said.gripper_m((stamp - begin_ns) / 1e9)
         for shift, connection, camera in (
             (3_000_000, _EE_DEPTH, scene.DEPTH_CAMERA),
             (3_200_000, _EE_RGB, scene.COLOR_CAMERA),

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from garment_dataset.errors import GarmentError
+from garment_dataset.simulate.nuisance_cloth import USUAL_FOLDS, Folds
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -211,6 +212,8 @@ class Hanging:
         Its offset from the gripper's end point, sideways and forwards.
     phase_rad, pleats, sway_m : float
         Where the first folds begin, how narrow they are, and how the sheet sways before it settles.
+    folds : Folds
+        How it is folded into the gripper.
     """
 
     turn: NDArray[np.float64]
@@ -218,16 +221,17 @@ class Hanging:
     phase_rad: float
     pleats: float
     sway_m: float
+    folds: Folds = USUAL_FOLDS
 
     @classmethod
-    def draw(cls, rng: np.random.Generator) -> Hanging:
+    def draw(cls, rng: np.random.Generator, folds: Folds | None = None) -> Hanging:
         """Return one hanging, as a person's hand differs from one to the next."""
         yaw, roll = rng.normal(0.0, 0.03), rng.normal(0.0, 0.01)
         slip = np.array([rng.normal(0.0, 0.001), 0.0, rng.normal(0.0, 0.001)])
         about_z = np.array([[np.cos(roll), -np.sin(roll), 0.0], [np.sin(roll), np.cos(roll), 0.0], [0.0, 0.0, 1.0]])
         about_y = np.array([[np.cos(yaw), 0.0, np.sin(yaw)], [0.0, 1.0, 0.0], [-np.sin(yaw), 0.0, np.cos(yaw)]])
         phase, pleats, sway = rng.uniform(0.0, 2 * np.pi), rng.uniform(0.92, 1.08), rng.normal(0.0, 0.01)
-        return cls(about_y @ about_z, slip, float(phase), float(pleats), float(sway))
+        return cls(about_y @ about_z, slip, float(phase), float(pleats), float(sway), folds or USUAL_FOLDS)
 
 
 def initial_shape(mesh: ClothMesh, holding: str, hanging: Hanging) -> NDArray[np.float64]:
@@ -250,20 +254,21 @@ def initial_shape(mesh: ClothMesh, holding: str, hanging: Hanging) -> NDArray[np
     offset = mesh.material_m - mesh.hold_m
     down = float(np.arctan2(*(mesh.end_m - mesh.hold_m)))
     if holding == "Ruler":
-        shape = _straight(offset, hanging.phase_rad, hanging.sway_m)
+        shape = _straight(offset, hanging.phase_rad, hanging.sway_m, hanging.folds)
     elif holding == "Free":
-        shape = _umbrella(offset, down, hanging.phase_rad, hanging.pleats)
+        shape = _umbrella(offset, down, hanging.phase_rad, hanging.pleats * hanging.folds.waves)
     else:
         strip_m, narrow = (0.0, 0.98) if holding == "Corner" else (_BAND_WIDTH_M / 2, 0.35)
-        shape = _pleated(offset, down, strip_m, narrow, hanging.phase_rad, hanging.pleats)
+        shape = _pleated(offset, down, strip_m, narrow, hanging.phase_rad, hanging.pleats * hanging.folds.waves)
+        shape[:, 2] *= hanging.folds.forward
     placed: NDArray[np.float64] = shape @ hanging.turn.T + hanging.slip_m
     return placed
 
 
-def _straight(offset_m: NDArray[np.float64], phase_rad: float, sway_m: float) -> NDArray[np.float64]:
+def _straight(offset_m: NDArray[np.float64], phase_rad: float, sway_m: float, folds: Folds) -> NDArray[np.float64]:
     """Return an outstretched sheet with shallow waves."""
     x, y = offset_m.T
-    wave = 0.004 * np.sin(2 * np.pi * x / 0.17 + phase_rad) * np.minimum(1.0, y / 0.1)
+    wave = folds.depth * 0.004 * np.sin(folds.waves * 2 * np.pi * x / 0.17 + phase_rad) * np.minimum(1.0, y / 0.1)
     return np.column_stack([x, y, wave + sway_m * np.sin(np.pi * y / np.ptp(y))])
 
 

@@ -77,10 +77,16 @@ def cloth_of_size(width_m: float, height_m: float, mass_kg: float) -> ClothSpec:
 
 
 def unusual(spec: ClothSpec, nuisance: ClothNuisance) -> ClothSpec:
-    """Return a sheet with the nuisances of a garment."""
-    if nuisance.bending is None:
-        return spec
-    return replace(spec, bending_n_m=spec.bending_n_m * nuisance.bending)
+    """Return a sheet with the nuisances of a garment; a larger sheet of one cloth is heavier."""
+    wide, high = (1.0, 1.0) if nuisance.size is None else nuisance.size
+    return replace(
+        spec,
+        width_m=spec.width_m * wide,
+        height_m=spec.height_m * high,
+        mass_kg=spec.mass_kg * wide * high * (1.0 if nuisance.mass is None else nuisance.mass),
+        bending_n_m=spec.bending_n_m * (1.0 if nuisance.bending is None else nuisance.bending),
+        stretch_n_m=spec.stretch_n_m * (1.0 if nuisance.stretch is None else nuisance.stretch),
+    )
 
 
 def fabric_of(garment: str, catalog: Catalog) -> Fabric:

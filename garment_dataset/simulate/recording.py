@@ -14,6 +14,7 @@ from garment_dataset.catalog.names import BackgroundName, RecordingName, parse_b
 from garment_dataset.errors import GarmentError, RecordingNameError
 from garment_dataset.simulate import scene, truth_tables
 from garment_dataset.simulate.bag import Compression, Streams, write_bag
+from garment_dataset.simulate.camera_pose import CameraPose
 from garment_dataset.simulate.cloth import ClothMesh, ClothSpec, Hanging, build_mesh
 from garment_dataset.simulate.garments import cloth_of, fabric_of, unusual
 from garment_dataset.simulate.motion import Swing
@@ -159,6 +160,7 @@ class _Making:
         self._noise, self._frames, self._compression = noise, frames, compression
         self._nuisance = nuisance
         self._random = random_streams(name, seed)
+        self._pose = CameraPose(nuisance.depth.camera_tilt_rad)
         self._begin_ns = begin_ns(name, seed)
         self._depth_sensor = DepthSensor(self._random["depth"], nuisance.depth) if noise == "xtion" else None
         self._color_sensor = ColorSensor(self._random["color"], nuisance.color) if noise == "xtion" else None
@@ -166,11 +168,11 @@ class _Making:
     def write_background(self) -> Path:
         """Write a bag of the empty scene."""
         depth_times, color_times, duration_s = self._times(_BACKGROUND_S)
-        stage = Stage()
+        stage = Stage(pose=self._pose)
         streams = Streams(
             depth_times,
             color_times,
-            lambda index: self._seen_depth(stage.depth_m(float(depth_times.time_s[index]), None)),
+            lambda index: self._seen_depth(stage.depth_m(0.0, None), float(depth_times.time_s[index])),
             lambda index: self._seen_color(stage.color(float(color_times.time_s[index]), None).pixels),
         )
         return self._write(streams, None, duration_s)
@@ -183,43 +185,44 @@ class _Making:
         fabric = fabric_of(str(name.garment), catalog)
         mesh = build_mesh(spec, holding, float(np.sqrt(spec.area_m2() / scale.cells)))
         depth_times, color_times, duration_s = self._times(scale.duration_s)
-        hanging = Hanging.draw(self._random["hanging"])
+        hanging = Hanging.draw(self._random["hanging"], self._nuisance.cloth.folds)
         trajectory = simulate_cloth(
             spec, mesh, holding, swing, duration_s=duration_s, step_s=scale.step_s, hanging=hanging
         )
-        view = GarmentView(mesh, trajectory, swing, scale.levels)
-        stage = Stage(swing, fabric, view.triangles, view.material_m, _ruler(spec, holding, hanging))
+        view = GarmentView(mesh, trajectory, swing, scale.levels, self._pose)
+        stage = Stage(swing, fabric, view.triangles, view.material_m, _ruler(spec, holding, hanging), self._pose)
         rows: list[dict[str, Any]] = []
 
         def depth(index: int) -> NDArray[np.uint16]:
             time_s = float(depth_times.time_s[index])
-            return self._seen_depth(stage.depth_m(time_s, view.surface_m(time_s)))
+            return self._seen_depth(stage.depth_m(time_s, view.surface_m(time_s)), time_s)
 
         def color(index: int) -> NDArray[np.uint8]:
             time_s = float(color_times.time_s[index])
             frame = stage.color(time_s, view.surface_m(time_s))
-            rows.append(truth_tables.color_row(index, int(color_times.stamp_ns[index]), time_s, frame, view, swing))
+            rows.append(truth_tables.color_row(index, int(color_times.stamp_ns[index]), time_s, frame, view))
             return self._seen_color(frame.pixels)
 
         bag = self._write(Streams(depth_times, color_times, depth, color), swing, duration_s)
         folder = self._folder / f"{self._name}.truth"
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
-        truth_tables.write_points(folder / "points.parquet", depth_times, view, swing)
+        truth_tables.write_points(folder / "points.parquet", depth_times, view)
         truth_tables.write_color(folder / "color.parquet", rows)
         truth_tables.write_scene(folder / "scene.json", self._facts(spec, mesh, fabric, holding, swing, scale))
         return bag
 
     def _times(self, duration_s: float) -> tuple[FrameTimes, FrameTimes, float]:
         """Return the stamps of both streams, and how long the recording takes."""
-        depth, color = frame_times(self._random["clock"], self._begin_ns, duration_s, self._frames)
+        unsteady = self._nuisance.depth.unsteady_frames
+        depth, color = frame_times(self._random["clock"], self._begin_ns, duration_s, self._frames, unsteady)
         if self._frames is not None and len(depth.record_ns) and len(color.record_ns):
             last_ns = max(int(depth.record_ns[-1]), int(color.record_ns[-1]))
             duration_s = min(duration_s, (last_ns - self._begin_ns) / 1e9 + 0.02)
         return depth, color, duration_s
 
-    def _seen_depth(self, depth_m: NDArray[np.float64]) -> NDArray[np.uint16]:
-        return as_millimetres(depth_m) if self._depth_sensor is None else self._depth_sensor.frame(depth_m)
+    def _seen_depth(self, depth_m: NDArray[np.float64], time_s: float) -> NDArray[np.uint16]:
+        return as_millimetres(depth_m) if self._depth_sensor is None else self._depth_sensor.frame(depth_m, time_s)
 
     def _seen_color(self, pixels: NDArray[np.float32]) -> NDArray[np.uint8]:
         return as_bytes(soften(pixels)) if self._color_sensor is None else self._color_sensor.frame(pixels)
@@ -228,7 +231,7 @@ class _Making:
         path = self._folder / f"{self._name}.bag"
         part = path.with_suffix(".bag.part")
         part.unlink(missing_ok=True)
-        write_bag(part, streams, swing, self._begin_ns, duration_s, self._compression)
+        write_bag(part, streams, swing, self._begin_ns, duration_s, self._compression, self._nuisance.depth)
         return part.replace(path)
 
     def _facts(
@@ -248,8 +251,8 @@ class _Making:
             "flat_length_m": float(np.linalg.norm(mesh.end_m - mesh.hold_m)),
             "motion_start_ns": self._begin_ns + round(swing.start_s * 1e9),
             "motion_end_ns": self._begin_ns + round(swing.end_s * 1e9),
-            "gripper_rest_m": swing.rest_m.tolist(),
-            "wrist_m": swing.wrist_m.tolist(),
+            "gripper_rest_m": self._pose.see(swing.rest_m).tolist(),
+            "wrist_m": self._pose.see(swing.wrist_m).tolist(),
             "versions": {"mujoco": str(import_mujoco().__version__), "numpy": np.__version__},
         }
 

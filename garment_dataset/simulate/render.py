@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from garment_dataset.simulate import scene
+from garment_dataset.simulate.camera_pose import LEVEL, CameraPose
 from garment_dataset.simulate.raster import Buffer, Pinhole, draw, interpolate
 
 if TYPE_CHECKING:
@@ -83,6 +84,8 @@ class Stage:
         Material coordinates of its vertices.
     ruler : Solid, optional
         The ruler that the garment hangs on, as it lies in the gripper.
+    pose : CameraPose
+        How the cameras look at it.
     """
 
     def __init__(
@@ -92,20 +95,21 @@ class Stage:
         triangles: NDArray[np.intp] | None = None,
         material_m: NDArray[np.float64] | None = None,
         ruler: scene.Solid | None = None,
+        pose: CameraPose = LEVEL,
     ) -> None:
-        self._swing, self._fabric = swing, fabric
+        self._swing, self._fabric, self._pose = swing, fabric, pose
         self._triangles, self._material_m = triangles, material_m
         self._gripper = scene.gripper() if ruler is None else scene.merge(scene.gripper(), ruler)
-        room = scene.background()
+        room = pose.see_solid(scene.background())
         self._room_depth = _draw_solid(Buffer.empty(), room, scene.DEPTH_CAMERA)
         self._room_color = _draw_solid(Buffer.empty(), room, scene.COLOR_CAMERA)
         self._room_pixels = room.shaded().astype(np.float32)[self._room_color.triangle]
 
     def gripper_at(self, time_s: float) -> scene.Solid | None:
-        """Return gripper and arm as they stand at `time_s`."""
+        """Return gripper and arm as the cameras see them at `time_s`."""
         if self._swing is None:
             return None
-        return self._gripper.moved(self._swing.rotation(time_s), self._swing.gripper_m(time_s))
+        return self._pose.see_solid(self._gripper.moved(self._swing.rotation(time_s), self._swing.gripper_m(time_s)))
 
     def depth_m(self, time_s: float, cloth_m: NDArray[np.float64] | None) -> NDArray[np.float64]:
         """Return the depth image, shape (H, W), metres along the optical axis.
@@ -115,7 +119,7 @@ class Stage:
         time_s : float
             When.
         cloth_m : ndarray, shape (V, 3), optional
-            Vertices of the garment's fine mesh at that time.
+            Vertices of the garment's fine mesh at that time, as the cameras see them.
         """
         buffer = self._room_depth
         solid = self.gripper_at(time_s)

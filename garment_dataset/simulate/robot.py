@@ -12,6 +12,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from garment_dataset.simulate.camera_pose import LEVEL, CameraPose
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -109,9 +111,16 @@ class Robot:
     ----------
     swing : Swing, optional
         The gripper's motion; without one, arm r2 stands aside.
+    pose : CameraPose
+        How the cameras look at it.
+    error_m : (x, y, z)
+        By how much the transforms misplace the camera against the gripper: what they say of the gripper in the depth
+        camera's frame is off by that.
     """
 
-    def __init__(self, swing: Swing | None) -> None:
+    def __init__(
+        self, swing: Swing | None, pose: CameraPose = LEVEL, error_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    ) -> None:
         self._swing = swing
         self._rest_rad = np.array(_MEASURING_RAD if swing is not None else _AWAY_RAD)
         flange = self._chain_to("r1_link_t", [link for link in self._arms(0.0) if link.child.startswith(("ext", "r1"))])
@@ -120,6 +129,9 @@ class Robot:
         body[:3, 3] = flange[:3, 3] + _CAMERA_FROM_FLANGE_M
         body_to_depth = _pose(np.eye(3), np.array([0.0, -0.02, 0.0]))
         self._base_optical = body @ body_to_depth @ _pose(_OPTICAL, np.zeros(3))
+        if pose.tilt_rad is not None or any(error_m):
+            optical = self._base_optical @ np.linalg.inv(pose.matrix) @ _pose(np.eye(3), -np.array(error_m))
+            body = optical @ np.linalg.inv(body_to_depth @ _pose(_OPTICAL, np.zeros(3)))
         self.fixed = (
             Link("r1_link_t", "xtion1_link", np.linalg.inv(flange) @ body),
             Link("xtion1_link", "xtion1_depth_frame", body_to_depth),

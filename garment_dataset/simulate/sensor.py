@@ -12,8 +12,9 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from garment_dataset.simulate.nuisance_depth import USUAL_DEPTH, DepthNuisance
+from garment_dataset.simulate.nuisance_depth import USUAL_DEPTH, DepthNuisance, Pattern
 from garment_dataset.simulate.raster import HEIGHT_PX, WIDTH_PX
+from garment_dataset.simulate.sensor_faults import EDGE_M, fatten, grain, grazing, mix
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -33,10 +34,13 @@ _PATTERN_SHIFT = 0.25
 _CAMERA_SEED = 20140505
 
 _SHADOW_LOSS_PX = 2.5
-_EDGE_M = 0.1
 _EDGE_DISTANCE_PX = (0.0, 1.5, 3.5, 6.5, 12.5, 640.0)
 _EDGE_MISSING = (0.16, 0.09, 0.035, 0.012, 0.0008)
 _CLOSED_SHADOWS = 0.26
+
+_REFERENCE_M = 1.07
+_SHIFTS_PER_M = 36 / _SHIFT_PITCH / _REFERENCE_M**2
+_RAGGED_PX, _RAGGED_RAD = 0.7, 0.1
 
 
 def openni_table() -> NDArray[np.uint16]:
@@ -49,6 +53,12 @@ def shift_of_depth(depth_m: NDArray[np.float64]) -> NDArray[np.float64]:
     """Return the shift, not rounded, at which a surface is measured: linear in the inverse depth."""
     tan = 7.5 - 9.0 / depth_m
     return _SHIFT_OFFSET + 4 * (tan / _SHIFT_PITCH + 0.375)
+
+
+def depth_of_shift(shift: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Return the depth in metres that a shift stands for: the inverse of :func:`shift_of_depth`."""
+    tan = ((shift - _SHIFT_OFFSET) / 4 - 0.375) * _SHIFT_PITCH
+    return np.asarray(9.0 / (7.5 - tan))
 
 
 def blobs(rng: np.random.Generator, radius_px: float) -> NDArray[np.float32]:
@@ -73,13 +83,29 @@ def fixed_pattern() -> NDArray[np.float32]:
     It belongs to the camera, so it is the same in every recording.
     """
     rng = np.random.default_rng(_CAMERA_SEED)
-    edges = np.arange(_BAND_START_PX, WIDTH_PX, _BAND_PITCH_PX)
-    levels = rng.standard_normal(len(edges) + 1)
-    bands = levels[np.searchsorted(edges, np.arange(WIDTH_PX), side="right")]
-    bands = _BAND_SHIFT * (bands - bands.mean()) / bands.std()
+    bands = _bands(rng, _BAND_START_PX, _BAND_PITCH_PX, _BAND_SHIFT)
     texture = _PATTERN_SHIFT * blobs(rng, 3.0)
     pattern: NDArray[np.float32] = (bands + texture).astype(np.float32)
     return pattern
+
+
+def _bands(rng: np.random.Generator, start_px: float, pitch_px: float, shift: float) -> NDArray[np.float64]:
+    edges = np.arange(start_px, WIDTH_PX, pitch_px)
+    levels = rng.standard_normal(len(edges) + 1)
+    bands: NDArray[np.float64] = levels[np.searchsorted(edges, np.arange(WIDTH_PX), side="right")]
+    scaled: NDArray[np.float64] = shift * (bands - bands.mean()) / bands.std()
+    return scaled
+
+
+def pattern_of(pattern: Pattern) -> NDArray[np.float32]:
+    """Return what another camera always adds, shape (H, W), in shift units."""
+    rng = np.random.default_rng(pattern.seed)
+    if pattern.kind == "none":
+        return np.zeros((HEIGHT_PX, WIDTH_PX), np.float32)
+    if pattern.kind == "blobs":
+        return np.float32(pattern.levels_shift) * grain(rng, (HEIGHT_PX, WIDTH_PX), pattern.size_px)
+    bands = _bands(rng, float(rng.uniform(0, pattern.size_px)), pattern.size_px, pattern.levels_shift)
+    return np.broadcast_to(bands, (HEIGHT_PX, WIDTH_PX)).astype(np.float32)
 
 
 class DepthSensor:
@@ -94,34 +120,73 @@ class DepthSensor:
     """
 
     def __init__(self, rng: np.random.Generator, nuisance: DepthNuisance = USUAL_DEPTH) -> None:
-        self._rng = rng
+        self._rng, self._nuisance = rng, nuisance
+        self._faults = rng.spawn(1)[0]  # draws of its own: one nuisance does not change what is drawn for another
         self._noise_shift = _NOISE_SHIFT * (1.0 if nuisance.depth_noise is None else nuisance.depth_noise)
+        self._grain = nuisance.depth_grain
+        self._keep = _TIME_CORRELATION if self._grain is None else self._grain[1]
         self._table = openni_table()
-        self._pattern = fixed_pattern()
-        self._fine, self._coarse = blobs(rng, _FINE_PX), blobs(rng, _COARSE_PX)
+        self._pattern = fixed_pattern() if nuisance.depth_pattern is None else pattern_of(nuisance.depth_pattern)
+        self._fine, self._coarse = self._blobs(), blobs(rng, _COARSE_PX)
         self._patchy = blobs(rng, 2.0)
         self._closing = blobs(rng, 6.0)
+        self._ragged = grain(self._faults, (HEIGHT_PX, WIDTH_PX), 2.0)
 
-    def frame(self, depth_m: NDArray[np.float64]) -> NDArray[np.uint16]:
+    def frame(self, depth_m: NDArray[np.float64], time_s: float = 0.0) -> NDArray[np.uint16]:
         """Return the next frame, shape (H, W), millimetres; 0 where the sensor sees nothing.
 
         Parameters
         ----------
         depth_m : ndarray, shape (H, W)
             Exact depth along the optical axis.
+        time_s : float
+            Since the recording began, for what drifts.
         """
-        shift = shift_of_depth(depth_m) + self._pattern + self._noise()
-        index = np.clip(np.rint(shift), 0, SHIFT_COUNT - 1).astype(np.intp)
-        reported = self._table[index]
-        reported[self._missing(depth_m)] = 0
+        noise = self._noise()
+        missing = self._missing(depth_m)
+        seen_m = self._at_edges(depth_m)
+        if self._nuisance.depth_exponent is not None:
+            noise *= (seen_m / _REFERENCE_M).astype(np.float32) ** np.float32(self._nuisance.depth_exponent - 2)
+        shift = shift_of_depth(seen_m) + self._pattern + noise + _SHIFTS_PER_M * self._common_m(time_s)
+        reported = self._report(shift)
+        reported[missing] = 0
         return reported
+
+    def _report(self, shift: NDArray[np.float64]) -> NDArray[np.uint16]:
+        """Return what the driver makes of shifts: its own levels, or whole millimetres of finer or coarser ones."""
+        step = self._nuisance.depth_step
+        if step is None:
+            return self._table[np.clip(np.rint(shift), 0, SHIFT_COUNT - 1).astype(np.intp)]
+        depth_m = depth_of_shift(step * np.rint(np.clip(shift, 0, SHIFT_COUNT - 1) / step))
+        return np.rint(1000 * depth_m).astype(np.uint16)
+
+    def _common_m(self, time_s: float) -> float:
+        """Return the error that all pixels share, at the distance of reference."""
+        bias_m, drift_m_s = self._nuisance.depth_bias_m, self._nuisance.depth_drift_m_s
+        return (0.0 if bias_m is None else bias_m) + (0.0 if drift_m_s is None else drift_m_s * time_s)
+
+    def _at_edges(self, depth_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return depth as the sensor mistakes it at edges."""
+        seen_m = depth_m
+        if self._nuisance.depth_fattening_px is not None:
+            seen_m = fatten(seen_m, self._nuisance.depth_fattening_px, _RAGGED_PX * self._ragged)
+        if self._nuisance.depth_flying is not None:
+            seen_m = mix(seen_m, self._nuisance.depth_flying, self._faults)
+        return seen_m
+
+    def _blobs(self) -> NDArray[np.float32]:
+        """Return fine noise of unit variance, shape (H, W)."""
+        if self._grain is None:
+            return blobs(self._rng, _FINE_PX)
+        return grain(self._rng, (HEIGHT_PX, WIDTH_PX), self._grain[0])
 
     def _noise(self) -> NDArray[np.float32]:
         """Return the noise of the next frame in shift units: blobs, weakly correlated in time."""
-        keep, fresh = np.float32(_TIME_CORRELATION), np.float32(np.sqrt(1 - _TIME_CORRELATION**2))
-        self._fine = keep * self._fine + fresh * blobs(self._rng, _FINE_PX)
+        keep, fresh = np.float32(self._keep), np.float32(np.sqrt(1 - self._keep**2))
+        self._fine = keep * self._fine + fresh * self._blobs()
         self._coarse = keep * self._coarse + fresh * blobs(self._rng, _COARSE_PX)
-        fine, coarse = (np.float32(self._noise_shift * np.sqrt(share)) for share in (_FINE_SHARE, 1 - _FINE_SHARE))
+        coarse_share = 0.0 if self._grain is not None else 1 - _FINE_SHARE
+        fine, coarse = (np.float32(self._noise_shift * np.sqrt(share)) for share in (1 - coarse_share, coarse_share))
         return fine * self._fine + coarse * self._coarse
 
     def _missing(self, depth_m: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -129,7 +194,9 @@ class DepthSensor:
         chance = _edge_chance(depth_m)
         # half of the patchiness stands still, half is new in every frame
         patches = np.float32(np.sqrt(0.5)) * (self._patchy + blobs(self._rng, 2.0))
-        missing |= patches > _threshold(chance)
+        missing |= patches > _threshold(chance, self._nuisance.depth_edge_holes)
+        if self._nuisance.depth_grazing_rad is not None:
+            missing |= grazing(depth_m, self._nuisance.depth_grazing_rad, _RAGGED_RAD * self._ragged)
         missing[:, WIDTH_PX - DEAD_COLUMNS_PX :] = True
         return missing
 
@@ -151,8 +218,8 @@ def shadow(depth_m: NDArray[np.float64]) -> NDArray[np.bool_]:
 def _edge_chance(depth_m: NDArray[np.float64]) -> NDArray[np.intp]:
     """Return the class of distance to the nearest depth edge, shape (H, W): index into the missing rates."""
     edge = np.zeros(depth_m.shape, dtype=np.bool_)
-    beside = np.abs(np.diff(depth_m, axis=1)) > _EDGE_M
-    above = np.abs(np.diff(depth_m, axis=0)) > _EDGE_M
+    beside = np.abs(np.diff(depth_m, axis=1)) > EDGE_M
+    above = np.abs(np.diff(depth_m, axis=0)) > EDGE_M
     edge[:, 1:] |= beside
     edge[:, :-1] |= beside
     edge[1:] |= above
@@ -161,8 +228,9 @@ def _edge_chance(depth_m: NDArray[np.float64]) -> NDArray[np.intp]:
     return np.searchsorted(_EDGE_DISTANCE_PX[1:-1], distance.ravel()).reshape(distance.shape)
 
 
-def _threshold(kind: NDArray[np.intp]) -> NDArray[np.float32]:
-    levels = np.array([-_quantile(share) for share in _EDGE_MISSING], dtype=np.float32)
+def _threshold(kind: NDArray[np.intp], times: float | None) -> NDArray[np.float32]:
+    shares = [share if times is None else min(times * share, 0.9) for share in _EDGE_MISSING]
+    levels = np.array([-_quantile(share) for share in shares], dtype=np.float32)
     return levels[kind]
 
 

@@ -37,7 +37,7 @@ class FrameTimes:
     stamp_ns, record_ns : ndarray of int64, shape (N,)
         Header stamps and record times.
     time_s : ndarray, shape (N,)
-        Header stamps as seconds since the recording began.
+        When the frames were seen, in seconds since the recording began: what the header stamps say, if these are right.
     """
 
     stamp_ns: NDArray[np.int64]
@@ -51,7 +51,11 @@ def start_ns(seed: int) -> int:
 
 
 def frame_times(
-    rng: np.random.Generator, begin_ns: int, duration_s: float, limit: int | None
+    rng: np.random.Generator,
+    begin_ns: int,
+    duration_s: float,
+    limit: int | None,
+    unsteady: tuple[float, float] | None = None,
 ) -> tuple[FrameTimes, FrameTimes]:
     """Return the stamps of the depth and of the colour stream.
 
@@ -65,6 +69,9 @@ def frame_times(
         How long it takes; a frame that would be recorded later is not in it.
     limit : int, optional
         Most frames per stream.
+    unsteady : (float, float), optional
+        Share of frames that are lost, and the standard deviation of stamps about when the frames were seen, in seconds;
+        by default as such a robot's.
     """
     count = int((duration_s - _FIRST_FRAME_S) / PERIOD_S)
     jitter = np.clip(rng.normal(0.0, _JITTER_S, count), -4 * _JITTER_S, 4 * _JITTER_S)
@@ -72,7 +79,7 @@ def frame_times(
     lag = _COLOR_LAG_LOW_S + rng.gamma(2.0, (_COLOR_LAG_S - _COLOR_LAG_LOW_S) / 2, count)
     color_s = depth_s + np.minimum(lag, _COLOR_LAG_HIGH_S)
     streams = [
-        _stream(rng, begin_ns, seen_s, delay, duration_s, limit)
+        _stream(rng, begin_ns, seen_s, delay, duration_s, limit, unsteady)
         for seen_s, delay in ((depth_s, DEPTH_DELAY_S), (color_s, COLOR_DELAY_S))
     ]
     return streams[0], streams[1]
@@ -85,13 +92,20 @@ def _stream(
     delay_s: tuple[float, float],
     duration_s: float,
     limit: int | None,
+    unsteady: tuple[float, float] | None,
 ) -> FrameTimes:
+    lost_share, stamp_std_s = (_DROPPED_SHARE, 0.0) if unsteady is None else unsteady
     recorded_s = seen_s + np.maximum(rng.normal(*delay_s, len(seen_s)), delay_s[0] / 2)
-    kept = (rng.random(len(seen_s)) >= _DROPPED_SHARE) & (recorded_s < duration_s)
+    kept = (rng.random(len(seen_s)) >= lost_share) & (recorded_s < duration_s)
     stamp = begin_ns + np.rint(seen_s[kept] * 1e9).astype(np.int64)
+    seen_s = (stamp - begin_ns) / 1e9
+    if stamp_std_s > 0:
+        # never so far that two frames change places
+        off_s = np.clip(rng.spawn(1)[0].normal(0.0, stamp_std_s, stamp.size), -PERIOD_S / 3, PERIOD_S / 3)
+        stamp = np.maximum.accumulate(stamp + np.rint(off_s * 1e9).astype(np.int64))
     record = begin_ns + np.rint(recorded_s[kept] * 1e9).astype(np.int64)
     record = np.maximum.accumulate(record)
-    return FrameTimes(stamp[:limit], record[:limit], ((stamp - begin_ns) / 1e9)[:limit])
+    return FrameTimes(stamp[:limit], record[:limit], seen_s[:limit])
 
 
 def ticks(begin_ns: int, duration_s: float, rate_hz: float, offset_s: float) -> NDArray[np.int64]:

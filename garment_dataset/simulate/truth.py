@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from garment_dataset.simulate.camera_pose import LEVEL, CameraPose
 from garment_dataset.simulate.raster import HEIGHT_PX, WIDTH_PX
 from garment_dataset.simulate.scene import COLOR_CAMERA, DEPTH_CAMERA
 from garment_dataset.simulate.subdivide import Blend, locate, subdivide
@@ -71,10 +72,14 @@ class GarmentView:
         How the gripper moved.
     levels : int
         Subdivisions from the simulated to the visible mesh.
+    pose : CameraPose
+        How the cameras look at it: everything is in the frame of the depth camera.
     """
 
-    def __init__(self, mesh: ClothMesh, trajectory: Trajectory, swing: Swing, levels: int) -> None:
-        self._trajectory, self._swing = trajectory, swing
+    def __init__(
+        self, mesh: ClothMesh, trajectory: Trajectory, swing: Swing, levels: int, pose: CameraPose = LEVEL
+    ) -> None:
+        self._trajectory, self._swing, self._pose = trajectory, swing, pose
         gripped = int(np.argmin(np.linalg.norm(mesh.material_m - mesh.hold_m, axis=1)))
         matrix, self.triangles = subdivide(mesh.material_m, mesh.triangles, levels, gripped)
         self._surface = Blend.of(matrix)
@@ -85,17 +90,24 @@ class GarmentView:
 
     def surface_m(self, time_s: float) -> NDArray[np.float64]:
         """Return the vertices of the visible mesh, shape (V, 3)."""
-        return self._surface.apply(self._trajectory.at(time_s)[0])
+        return self._pose.see(self._surface.apply(self._trajectory.at(time_s)[0]))
+
+    def gripper_m(self, time_s: float) -> NDArray[np.float64]:
+        """Return the gripper's end point, shape (3,)."""
+        return self._pose.see(self._swing.gripper_m(time_s))
+
+    def gripper_velocity_m_s(self, time_s: float) -> NDArray[np.float64]:
+        """Return its velocity, shape (3,)."""
+        return self._pose.turn(self._swing.gripper_velocity_m_s(time_s))
 
     def material_line(self, time_s: float) -> tuple[Polyline, NDArray[np.float64]]:
         """Return the material line and the velocities of its nodes, shape (65, 3)."""
         position, velocity = self._trajectory.at(time_s)
-        return Polyline(self._line.apply(position)), self._line.apply(velocity)
+        return Polyline(self._pose.see(self._line.apply(position))), self._pose.turn(self._line.apply(velocity))
 
     def surface_line(self, time_s: float) -> Polyline | None:
         """Return the visible profile below the gripper; None when no cloth is there."""
-        gripper = self._swing.gripper_m(time_s)
-        return visible_profile(self.surface_m(time_s), self.triangles, gripper)
+        return visible_profile(self.surface_m(time_s), self.triangles, self.gripper_m(time_s))
 
     def surface_points(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64], float]:
         """Return the points of the surface line, their velocities, each (r, 3), and the line's length; NaN without one.

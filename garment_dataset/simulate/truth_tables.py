@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from garment_dataset.simulate.motion import Swing
     from garment_dataset.simulate.render import ColorFrame
     from garment_dataset.simulate.timing import FrameTimes
     from garment_dataset.simulate.truth import GarmentView
@@ -69,12 +68,12 @@ COLOR_COLUMNS = (
 )
 
 
-def point_rows(index: int, stamp_ns: int, time_s: float, view: GarmentView, swing: Swing) -> dict[str, Any]:
+def point_rows(index: int, stamp_ns: int, time_s: float, view: GarmentView) -> dict[str, Any]:
     """Return the columns of one depth frame, one row per point."""
     count = truth.POINTS
     surface, surface_speed, surface_length = view.surface_points(time_s)
     material, material_speed, material_length = view.material_points(time_s)
-    gripper, speed = swing.gripper_m(time_s), swing.gripper_velocity_m_s(time_s)
+    gripper, speed = view.gripper_m(time_s), view.gripper_velocity_m_s(time_s)
     with np.errstate(invalid="ignore"):
         inside = truth.in_image(surface)
     return {
@@ -98,11 +97,9 @@ def _columns(
     return {**places, **speeds}
 
 
-def color_row(
-    index: int, stamp_ns: int, time_s: float, frame: ColorFrame, view: GarmentView, swing: Swing
-) -> dict[str, Any]:
+def color_row(index: int, stamp_ns: int, time_s: float, frame: ColorFrame, view: GarmentView) -> dict[str, Any]:
     """Return the row of one colour frame."""
-    below = truth.below_gripper(frame, swing.gripper_m(time_s))
+    below = truth.below_gripper(frame, view.gripper_m(time_s))
     line = COLOR_CAMERA.project(view.material_line(time_s)[0].nodes_m)
     return {
         "frame": index,
@@ -116,10 +113,10 @@ def color_row(
     }
 
 
-def write_points(path: Path, times: FrameTimes, view: GarmentView, swing: Swing) -> None:
+def write_points(path: Path, times: FrameTimes, view: GarmentView) -> None:
     """Write ``points.parquet``: per depth frame and point the surface, the material and the gripper."""
     frames = zip(times.stamp_ns.tolist(), times.time_s.tolist(), strict=True)
-    rows = [point_rows(index, stamp, time_s, view, swing) for index, (stamp, time_s) in enumerate(frames)]
+    rows = [point_rows(index, stamp, time_s, view) for index, (stamp, time_s) in enumerate(frames)]
     columns = {column.name: np.concatenate([row[column.name] for row in rows]) for column in POINT_COLUMNS}
     _write(path, POINT_COLUMNS, columns, "one point of one depth frame")
 

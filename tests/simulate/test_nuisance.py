@@ -6,9 +6,12 @@ import dataclasses
 import hashlib
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
 from garment_dataset.errors import GarmentError
+from garment_dataset.simulate.cloth import ClothSpec, Hanging, build_mesh, initial_shape
+from garment_dataset.simulate.garments import unusual
 from garment_dataset.simulate.nuisance import Nuisance, draw_nuisance, nuisance_names, wanted_names
 from garment_dataset.simulate.nuisance_cloth import CLOTH_DRAWS, ClothNuisance
 from garment_dataset.simulate.nuisance_color import COLOR_DRAWS, ColorNuisance
@@ -57,6 +60,20 @@ def test_what_is_no_nuisance_is_refused(text: str, hint: str) -> None:
         wanted_names(text)
     assert "no such nuisance" in str(caught.value)
     assert hint in str(caught.value)
+
+
+@pytest.mark.parametrize("name", CLOTH_DRAWS)
+def test_each_of_the_cloth_changes_it_or_how_it_is_held(name: str) -> None:
+    own = draw_nuisance(name, NAME, 3).cloth
+    usual = ClothSpec(0.36, 0.64, 0.1)
+    shapes = [
+        initial_shape(build_mesh(usual, holding, 0.05), holding, Hanging.draw(np.random.default_rng(0), nuisance.folds))
+        for nuisance in (own, ClothNuisance())
+        for holding in ("Ruler", "Corner")
+    ]
+    folded = all(not np.allclose(shapes[i], shapes[i + 2]) for i in range(2))
+    assert folded == (name == "folds")
+    assert (unusual(usual, own) != usual) == (name != "folds")
 
 
 @pytest.mark.parametrize("name", [*COLOR_DRAWS, *DEPTH_DRAWS])
