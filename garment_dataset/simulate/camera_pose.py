@@ -57,6 +57,13 @@ class CameraPose:
         seen: NDArray[np.float64] = (points_m - _PIVOT_M) @ self.rotation.T + _PIVOT_M
         return seen
 
+    def level(self, points_m: NDArray[np.float64]) -> NDArray[np.float64]:
+        """Return points, shape (..., 3), that these cameras see as given, as a level camera sees them."""
+        if self.tilt_rad is None:
+            return points_m
+        seen: NDArray[np.float64] = (points_m - _PIVOT_M) @ self.rotation + _PIVOT_M
+        return seen
+
     def turn(self, vectors: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return directions or velocities, shape (..., 3), as these cameras see them."""
         if self.tilt_rad is None:

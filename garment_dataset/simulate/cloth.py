@@ -7,7 +7,7 @@ middle, t down from the upper edge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -232,6 +232,12 @@ class Hanging:
         about_y = np.array([[np.cos(yaw), 0.0, np.sin(yaw)], [0.0, 1.0, 0.0], [-np.sin(yaw), 0.0, np.cos(yaw)]])
         phase, pleats, sway = rng.uniform(0.0, 2 * np.pi), rng.uniform(0.92, 1.08), rng.normal(0.0, 0.01)
         return cls(about_y @ about_z, slip, float(phase), float(pleats), float(sway), folds or USUAL_FOLDS)
+
+    def yawed(self, yaw_rad: float) -> Hanging:
+        """Return this hanging, turned about the vertical."""
+        cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
+        about_y = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
+        return replace(self, turn=about_y @ self.turn, slip_m=about_y @ self.slip_m)
 
 
 def initial_shape(mesh: ClothMesh, holding: str, hanging: Hanging) -> NDArray[np.float64]:

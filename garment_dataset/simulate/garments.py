@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 from garment_dataset.errors import GarmentError
 from garment_dataset.simulate.cloth import ClothSpec
 from garment_dataset.simulate.render import Fabric
+from garment_dataset.simulate.scene import WALL_COLOR
 
 if TYPE_CHECKING:
     from garment_dataset.catalog import Catalog
@@ -87,6 +88,21 @@ def unusual(spec: ClothSpec, nuisance: ClothNuisance) -> ClothSpec:
         bending_n_m=spec.bending_n_m * (1.0 if nuisance.bending is None else nuisance.bending),
         stretch_n_m=spec.stretch_n_m * (1.0 if nuisance.stretch is None else nuisance.stretch),
     )
+
+
+def unusual_fabric(fabric: Fabric, nuisance: ClothNuisance) -> Fabric:
+    """Return a garment's looks with its nuisances; the pattern lies on the cloth whose hue is the wall's."""
+    if nuisance.wall_hue is not None:
+        light = sum(fabric.color) / sum(WALL_COLOR)
+        red, green, blue = (
+            round(own + nuisance.wall_hue * (light * of_wall - own))
+            for own, of_wall in zip(fabric.color, WALL_COLOR, strict=True)
+        )
+        fabric = replace(fabric, color=(red, green, blue))
+    if nuisance.pattern is not None:
+        pattern = nuisance.pattern
+        fabric = replace(fabric, stripe_color=pattern.color, stripe_m=pattern.width_m, checked=pattern.checked)
+    return fabric
 
 
 def fabric_of(garment: str, catalog: Catalog) -> Fabric:

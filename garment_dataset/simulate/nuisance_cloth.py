@@ -1,7 +1,8 @@
-"""Nuisances of the garment: its cloth, and how it was put into the gripper."""
+"""Nuisances of the garment: its cloth and its looks, and how it was put into the gripper."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
@@ -34,6 +35,25 @@ USUAL_FOLDS = Folds(1.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
+class Pattern:
+    """Stripes or checks, as shirts and towels have.
+
+    Parameters
+    ----------
+    color : tuple of int
+        Of every second field, red, green, blue, 0 to 255.
+    width_m : float
+        Of a field: pinstripes of a centimetre to broad blocks.
+    checked : bool
+        Whether fields alternate across as well.
+    """
+
+    color: tuple[int, int, int]
+    width_m: float
+    checked: bool
+
+
+@dataclass(frozen=True, slots=True)
 class ClothNuisance:
     """What is unusual about the garment; None: as usual.
 
@@ -49,6 +69,13 @@ class ClothNuisance:
         How many times as wide and as high.
     folds : Folds or None
         How it is put into the gripper.
+    yaw_rad : float or None
+        How far it is turned about the vertical when it swings across the view: the operator shows it open, at an angle
+        or edge-on, which alone shows its deformation. Along the view it always faces the camera.
+    wall_hue : float or None
+        How much of the wall's hue its colour has, from 0 to all of it: its brightness stays.
+    pattern : Pattern or None
+        What is printed on it.
     """
 
     bending: float | None = None
@@ -56,9 +83,27 @@ class ClothNuisance:
     mass: float | None = None
     size: tuple[float, float] | None = None
     folds: Folds | None = None
+    yaw_rad: float | None = None
+    wall_hue: float | None = None
+    pattern: Pattern | None = None
 
 
 USUAL_CLOTH = ClothNuisance()
+
+_YAWS_DEG = ((0.0, 8.0), (35.0, 10.0), (90.0, 3.0))
+"""Open, at an angle, edge-on; each with how well a hand does it."""
+
+
+def _yaw_rad(rng: np.random.Generator) -> float:
+    middle_deg, spread_deg = _YAWS_DEG[int(rng.integers(len(_YAWS_DEG)))]
+    side = 1 if rng.random() < 0.5 else -1
+    return float(rng.normal(middle_deg, spread_deg) * side * math.pi / 180)
+
+
+def _pattern(rng: np.random.Generator) -> Pattern:
+    red, green, blue = (int(level) for level in rng.integers(20, 240, 3))
+    return Pattern((red, green, blue), float(rng.uniform(0.01, 0.08)), bool(rng.random() < 0.5))
+
 
 CLOTH_DRAWS: Mapping[str, Callable[[np.random.Generator], object]] = {
     # cotton: 1e-6 to 1e-4 N m (Kawabata's bending rigidity), about the usual 6e-6
@@ -72,5 +117,8 @@ CLOTH_DRAWS: Mapping[str, Callable[[np.random.Generator], object]] = {
     "folds": lambda rng: Folds(
         float(rng.uniform(-1.0, 1.0)), float(rng.uniform(0.6, 1.5)), float(10 ** rng.uniform(-0.5, 0.5))
     ),
+    "yaw_rad": _yaw_rad,
+    "wall_hue": lambda rng: float(rng.uniform(0.0, 1.0)),
+    "pattern": _pattern,
 }
 """How each is drawn."""

@@ -16,7 +16,7 @@ from garment_dataset.simulate import scene, truth_tables
 from garment_dataset.simulate.bag import Compression, Streams, write_bag
 from garment_dataset.simulate.camera_pose import CameraPose
 from garment_dataset.simulate.cloth import ClothMesh, ClothSpec, Hanging, build_mesh
-from garment_dataset.simulate.garments import cloth_of, fabric_of, unusual
+from garment_dataset.simulate.garments import cloth_of, fabric_of, unusual, unusual_fabric
 from garment_dataset.simulate.motion import Swing
 from garment_dataset.simulate.nuisance import Nuisance, draw_nuisance
 from garment_dataset.simulate.physics import import_mujoco, simulate_cloth
@@ -168,7 +168,7 @@ class _Making:
     def write_background(self) -> Path:
         """Write a bag of the empty scene."""
         depth_times, color_times, duration_s = self._times(_BACKGROUND_S)
-        stage = Stage(pose=self._pose)
+        stage = Stage(pose=self._pose, nuisance=self._nuisance.color)
         streams = Streams(
             depth_times,
             color_times,
@@ -182,15 +182,18 @@ class _Making:
         import_mujoco()
         holding, swing = _holding(name), _swing(name, scale)
         spec = unusual(cloth_of(str(name.garment), holding, catalog), self._nuisance.cloth)
-        fabric = fabric_of(str(name.garment), catalog)
+        fabric = unusual_fabric(fabric_of(str(name.garment), catalog), self._nuisance.cloth)
         mesh = build_mesh(spec, holding, float(np.sqrt(spec.area_m2() / scale.cells)))
         depth_times, color_times, duration_s = self._times(scale.duration_s)
         hanging = Hanging.draw(self._random["hanging"], self._nuisance.cloth.folds)
+        if name.axis == "B" and self._nuisance.cloth.yaw_rad is not None:
+            hanging = hanging.yawed(self._nuisance.cloth.yaw_rad)
         trajectory = simulate_cloth(
             spec, mesh, holding, swing, duration_s=duration_s, step_s=scale.step_s, hanging=hanging
         )
         view = GarmentView(mesh, trajectory, swing, scale.levels, self._pose)
-        stage = Stage(swing, fabric, view.triangles, view.material_m, _ruler(spec, holding, hanging), self._pose)
+        ruler = _ruler(spec, holding, hanging)
+        stage = Stage(swing, fabric, view.triangles, view.material_m, ruler, self._pose, self._nuisance.color)
         rows: list[dict[str, Any]] = []
 
         def depth(index: int) -> NDArray[np.uint16]:

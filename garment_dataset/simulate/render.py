@@ -9,7 +9,9 @@ import numpy as np
 
 from garment_dataset.simulate import scene
 from garment_dataset.simulate.camera_pose import LEVEL, CameraPose
+from garment_dataset.simulate.nuisance_color import USUAL_COLOR, ColorNuisance
 from garment_dataset.simulate.raster import Buffer, Pinhole, draw, interpolate
+from garment_dataset.simulate.shadows import light_on_wall, uneven
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,6 +33,8 @@ class Fabric:
         Of the stripes across the garment.
     stripe_m : float
         Width of a stripe.
+    checked : bool
+        Whether the stripes' colours alternate along them as well.
     weave : float
         Relative amplitude of the fabric's texture.
     """
@@ -38,13 +42,15 @@ class Fabric:
     color: tuple[int, int, int]
     stripe_color: tuple[int, int, int] | None = None
     stripe_m: float = 0.03
+    checked: bool = False
     weave: float = 0.05
 
     def at(self, material_m: NDArray[np.float64]) -> NDArray[np.float64]:
         """Return the colour at material points, shape (P, 2) to (P, 3)."""
         color = np.tile(np.array(self.color, dtype=np.float64), (len(material_m), 1))
         if self.stripe_color is not None:
-            odd = np.floor(material_m[:, 1] / self.stripe_m).astype(np.int64) % 2 == 1
+            field = np.floor(material_m / self.stripe_m).astype(np.int64)
+            odd = (field.sum(axis=1) if self.checked else field[:, 1]) % 2 == 1
             color[odd] = self.stripe_color
         wave = np.sin(2 * np.pi * material_m[:, 0] / (5 * _FABRIC_PITCH_M)) * np.sin(
             2 * np.pi * material_m[:, 1] / (7 * _FABRIC_PITCH_M)
@@ -86,6 +92,8 @@ class Stage:
         The ruler that the garment hangs on, as it lies in the gripper.
     pose : CameraPose
         How the cameras look at it.
+    nuisance : ColorNuisance
+        What is unusual about room and light.
     """
 
     def __init__(
@@ -96,14 +104,21 @@ class Stage:
         material_m: NDArray[np.float64] | None = None,
         ruler: scene.Solid | None = None,
         pose: CameraPose = LEVEL,
+        nuisance: ColorNuisance = USUAL_COLOR,
     ) -> None:
+        self._lamps = nuisance.lamps
         self._swing, self._fabric, self._pose = swing, fabric, pose
         self._triangles, self._material_m = triangles, material_m
         self._gripper = scene.gripper() if ruler is None else scene.merge(scene.gripper(), ruler)
-        room = pose.see_solid(scene.background())
+        level = scene.background()
+        room = pose.see_solid(level)
         self._room_depth = _draw_solid(Buffer.empty(), room, scene.DEPTH_CAMERA)
         self._room_color = _draw_solid(Buffer.empty(), room, scene.COLOR_CAMERA)
         self._room_pixels = room.shaded().astype(np.float32)[self._room_color.triangle]
+        middle_m = level.vertices_m[level.triangles].mean(axis=1)[:, 2]
+        self._on_wall = np.isclose(middle_m, scene.WALL_M)[self._room_color.triangle]
+        if nuisance.wall is not None:
+            self._room_pixels[self._on_wall] *= uneven(nuisance.wall)[self._on_wall]
 
     def gripper_at(self, time_s: float) -> scene.Solid | None:
         """Return gripper and arm as the cameras see them at `time_s`."""
@@ -138,6 +153,11 @@ class Stage:
         gripper = np.zeros_like(garment)
         buffer = self._room_color
         solid = self.gripper_at(time_s)
+        if self._lamps is not None and solid is not None:
+            casting = [(self._pose.level(solid.vertices_m), solid.triangles)]
+            if cloth_m is not None and self._triangles is not None:
+                casting.append((self._pose.level(cloth_m), self._triangles))
+            pixels[self._on_wall] *= light_on_wall(self._lamps, casting, self._pose)[self._on_wall]
         if solid is not None:
             buffer = _draw_solid(buffer.under(), solid, scene.COLOR_CAMERA)
             gripper = buffer.triangle >= 0

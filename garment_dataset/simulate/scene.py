@@ -17,6 +17,10 @@ DEPTH_CAMERA = Pinhole(570.3422, 319.5, 239.5, (0.0, 0.0, 0.0), "xtion1_depth_op
 COLOR_CAMERA = Pinhole(525.0, 319.5, 239.5, (0.025, 0.0, 0.0), "xtion1_rgb_optical_frame")
 """The driver's default calibration; the colour camera sits 25 mm to the right of the depth camera."""
 
+WALL_M = 1.80
+"""How far before the camera the monochrome panel stands."""
+WALL_COLOR = (198, 200, 196)
+
 TOWARDS_LIGHT = np.array([-0.35, -0.75, -0.56])
 """Unit vector towards the lamps: above, on the left and behind the camera."""
 _AMBIENT, _DIFFUSE = 0.45, 0.6
@@ -120,7 +124,7 @@ def background() -> Solid:
     """Return the monochrome panel, the room around it and what else stands still in the picture."""
     return merge(
         box((-4.0, -3.0, 2.95), (4.0, 3.0, 3.0), (172, 166, 150)),
-        box((-0.78, -1.2, 1.80), (0.80, 0.98, 1.82), (198, 200, 196)),
+        box((-0.78, -1.2, WALL_M), (0.80, 0.98, WALL_M + 0.02), WALL_COLOR),
         box((0.92, -0.45, 2.1), (1.5, 1.4, 2.6), (120, 92, 66)),
         box((-1.7, 0.25, 2.2), (-0.95, 1.4, 2.7), (78, 92, 84)),
         box((-1.6, -0.9, 2.6), (-1.25, -0.2, 2.7), (196, 60, 48)),
