@@ -42,7 +42,7 @@ nothing as large as ``open_px`` and ``min_area_px2`` ask. ``not_at_gripper``: wh
 
 SILHOUETTES = TableSpec(
     "silhouettes",
-    2,
+    3,
     "one usable colour frame",
     (
         FRAME,
@@ -63,7 +63,9 @@ SILHOUETTES = TableSpec(
         Column("gripper_u_px", "float64", "px", "u of the gripper's end point in the image", nullable=True),
         Column("gripper_v_px", "float64", "px", "v of the gripper's end point in the image", nullable=True),
         *(
-            Column(f"drift_{channel}", "float64", "level", f"brightness against the background, {name}", nullable=True)
+            Column(
+                f"drift_{channel}", "float64", "level", f"change of a pixel of median brightness, {name}", nullable=True
+            )
             for channel, name in (("r", "red"), ("g", "green"), ("b", "blue"))
         ),
         Column("confidence", "float64", "1", "share of the mask that no shadow on the wall explains", nullable=True),
@@ -100,12 +102,12 @@ class SilhouetteParams(StageParams):
         default=True, description="allow for a change of the whole picture's brightness: exposure and white balance"
     )
     shadows: bool = Field(
-        default=True, description="allow for shadows on the wall: less light at the same hue, reached without a step"
+        default=True, description="allow for shadows on the wall: less light at the same hue, unless the garment has it"
     )
     clip: Literal["auto", "none"] = Field(
-        default="auto",
-        description="where a garment can be: auto: before the largest monochrome part of the background; "
-        "none: anywhere; clip_polygon overrides",
+        default="none",
+        description="where a garment can be: none: anywhere; auto: before the largest monochrome part of the "
+        "background, which a wall with folds has not; clip_polygon overrides",
     )
     clip_polygon: tuple[tuple[float, float], ...] = Field(
         default=(), description="corners [u, v] of where a garment can be; `garment mask` suggests them"

@@ -1,17 +1,19 @@
-"""Shadows that arm and garment cast on the wall behind: how much of its light each pixel of the background has.
+"""Tells the garment from the shadows that it, the gripper and the arm cast on the wall.
 
-A shadow darkens the wall at nearly constant hue, so that brightness and chromaticity, taken apart as by Horprasert et
-al. (1999), tell it from cloth of another colour. Cloth of the wall's own hue, grey before a white wall, is told by its
-edges: it hangs some decimetres before the wall, so that its shadow's edge is soft where its own is sharp. Whatever can
-be reached from the lit wall without a step is wall, with less light. A dark patch with sharp edges all around is taken
-for a shadow only if it is as flat as the lit wall and something that no shadow explains hangs from the gripper.
+What no shadow explains (:class:`.Seen`) and hangs from the gripper is garment: its *own* pixels. What could be a shadow
+is sorted by surfaces, parts of the picture within which brightness makes no step:
 
-Sums are of integers, so that results depend on no order: light is counted in :data:`WHOLE` parts.
+- What is reached from the lit wall without a step is wall: penumbras are soft.
+- A surface with an edge to the wall belongs to the garment if its own pixels surround it, as they do stripes and
+  checks of the wall's hue, or if it differs less from them than from the wall and the garment shows such a grey within
+  its outline. Otherwise it is a shadow with sharp edges, of a small lamp.
+- Where nothing but such surfaces hangs from the gripper, they are the garment: grey cloth before a white wall, told by
+  its edges alone.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -22,241 +24,234 @@ from garment_dataset.vision.color.masks import square
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from garment_dataset.arrays import BoolArray, ByteMask, ColorImage, FloatArray
+    from garment_dataset.arrays import BoolArray, ByteMask
+    from garment_dataset.vision.color.seen import Seen
 
-WHOLE = 1024
-"""Full light."""
+    Plane = NDArray[np.float32]
 
-_FINE = 64  # parts of a grey level in half-size images
-# Chosen on rendered garments and painted shadows: soft and hard, of one lamp and of two, tinted, 7 to 25 % deep
-_DARKEST = WHOLE // 2  # no shadow in a lit room takes more than half of the light
-_BRIGHTEST = round(1.02 * WHOLE)
-_HUE_LEVELS, _TINT = 4.5, 0.2  # allowed difference of a channel: noise, and the second lamp's colour in the shadow
-_STEP_LEVELS = 6.0  # a difference within 3 x 3 half-size pixels that is an edge
-_LIT_LEVELS = 3.0
-_LEAST_LIT_PX = 100  # half-size pixels of full light that make a region wall
-_LEAST_PATCH_PX = 500  # half-size pixels of a shadow with sharp edges
-_LEAST_HELD_PX = 50  # half-size pixels of what is surely garment
-_FLATNESS = 6.0  # spread of a sharp-edged shadow against the lit wall's median deviation; 4.9 for equal normal noise
-_SPREAD = (5, 95)  # percentiles
-_GAP_PX = 7  # between lit and shadowed wall lies a border, up to this broad in half-size pixels
-_STRONG_LEVELS = 14.0
-_AS_GOOD_AS_LIT_LEVELS = 2.0
-_WINDOWS_PX = (3, 5, 25, 81)  # for what is behind the garment, the nearest wall around; sums stay below 2^24
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Light:
-    """How the background is lit in one frame.
-
-    Parameters
-    ----------
-    change : (H, W, 3) int16 or None
-        What shadows add to the background's grey levels: 0 or less, up to 2 % more where the wall is brighter. None
-        when there is no shadow.
-    wall_like : (H, W) bool
-        Whether the pixel has the wall's hue and no more than its light, so that it could be a shadow.
-    """
-
-    change: NDArray[np.int16] | None
-    wall_like: BoolArray
+# Lengths and areas are of half-size pixels, some 4 mm at the garment. Chosen on wide draws of `garment simulate`
+_SMOOTH_PX = 1.5  # brightness, before steps are looked for
+_STEP_NOISE, _LEAST_STEP_LEVELS = 4.0, 6.0  # a difference within 3 x 3 pixels that is an edge
+_LEAST_LIT_PX = 60  # of full light that make a surface wall
+_SPECK_PX = 6  # smaller groups of pixels are noise
+_BRIDGE_PX = 25  # how far apart the garment's own pixels may lie: fields of a pattern, up to 10 cm
+_LEAST_OWN_PX = 50
+_LEAST_SURFACE_PX = 20
+_RING_PX = 6  # how far around a surface to look, blurred edges included
+_SURROUNDED = 0.5
+_LEAST_CONTACT = 0.05
+_SHALLOWEST = 0.7  # light that a single lamp's shadow leaves; what is darker needs no other sign of being cloth
+_SEAM_PX = 7  # how far from the garment pixels of no surface may belong to it
+_LEAST_STRIPE_PX = (5, 2)  # lower ones are closed in full size
+_STRIPE_PX = 21  # height of a stripe of the wall's very colour, between the garment's own
+_GREY_BINS, _GREY_LIKELY, _LEAST_GREY_PX = 50, 0.02, 8  # of full light; share of the garment
+_OUTLINE_PX = 13
 
 
-class LightFinder:
-    """Finds how the background is lit.
+def garment_in(seen: Seen, cut: BoolArray, near: BoolArray | None) -> ByteMask:
+    """Mark the garment, in half size.
 
     Parameters
     ----------
-    mean : (H, W, 3) float64
-        Of the background, in grey levels.
-    clip : (H, W) uint8, optional
-        Where the wall is, not 0.
+    seen : Seen
+        The frame against the empty scene.
+    cut : (h, w) bool
+        Where no garment can be: above the gripper, at it, and outside of the clipping mask.
+    near : (h, w) bool, optional
+        Surroundings of the gripper's end point, where the garment must begin; anywhere by default.
+
+    Returns
+    -------
+    (h, w) uint8
+        1 where the garment is, 2 where it only must be, between its parts; may be of several parts, and empty.
     """
-
-    def __init__(self, mean: FloatArray, clip: ByteMask | None) -> None:
-        self._mean = mean
-        self._half_mean = _half(np.rint(mean * _FINE).astype(np.uint16)).astype(np.float32) / _FINE
-        self._clip = None if clip is None else np.ascontiguousarray(clip[1::2, 1::2])
-
-    def __call__(
-        self, frame: ColorImage, drift: FloatArray, box: tuple[slice, slice], held: BoolArray | None = None
-    ) -> Light:
-        """Estimate the light in a part of a frame.
-
-        Parameters
-        ----------
-        frame : (H, W, 3) uint8
-            Colour image.
-        drift : (3,) float64
-            Change of the whole picture's brightness, in grey levels.
-        box : (slice, slice)
-            Rows and columns of the part, with even ends; it should show lit wall around what is in it.
-        held : (H, W) bool, optional
-            Surroundings of the gripper's end point. Without them no shadow with sharp edges is looked for.
-
-        Returns
-        -------
-        Light
-            Of the part.
-        """
-        small = tuple(slice(part.start // 2, part.stop // 2) for part in box)
-        expected = self._half_mean[small] + drift.astype(np.float32)
-        np.maximum(expected, 1, out=expected)
-        seen = _Seen.of(_half(frame[box]), expected)
-        if self._clip is not None:
-            seen.passable &= self._clip[small]
-        near = None if held is None else held[box][1::2, 1::2]
-        wall = _wall(seen, near)
-        share = _spread_out(seen, wall)
-        like = np.asarray(cv2.resize(seen.like, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST), np.uint8)
-        if (share == WHOLE).all():
-            return Light(None, like.view(np.bool_))
-        full = cv2.GaussianBlur(cv2.resize(share, None, fx=2, fy=2, interpolation=cv2.INTER_NEAREST), (3, 3), 0)
-        less = full.astype(np.float32) / WHOLE - 1
-        change = np.rint((self._mean[box] + drift) * less[..., np.newaxis]).astype(np.int16)
-        return Light(change, like.view(np.bool_))
+    sorting = _Sorting(seen, cut, _own(seen, cut, near))
+    if np.count_nonzero(sorting.own) >= _LEAST_OWN_PX:
+        sorting.sort()
+        garment = sorting.garment | sorting.seams()
+    else:
+        garment = sorting.own | _hanging(_opened(sorting.edges()), near)
+    return _filled(_bytes(garment), seen)
 
 
-def _half(image: NDArray[np.uint16] | ColorImage) -> NDArray[np.uint16]:
-    """Return means over 2 x 2 pixels, in 1/64 of what a colour image of bytes holds."""
-    fine = image if image.dtype == np.uint16 else image.astype(np.uint16) * np.uint16(_FINE)
-    return np.asarray(cv2.resize(fine, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA), np.uint16)
+def _bytes(mask: NDArray[Any]) -> ByteMask:
+    return np.asarray(mask, np.uint8)
+
+
+def _opened(mask: BoolArray) -> ByteMask:
+    return _bytes(cv2.morphologyEx(_bytes(mask), cv2.MORPH_OPEN, square(2)))
+
+
+def _own(seen: Seen, cut: BoolArray, near: BoolArray | None) -> BoolArray:
+    """Mark what no shadow explains and hangs from the gripper, be it by fields of a pattern that one explains."""
+    other = _bytes(~seen.like & ~cut)
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(other, connectivity=8)
+    stats[0, cv2.CC_STAT_AREA] = 0
+    other = _bytes((stats[:, cv2.CC_STAT_AREA] >= _SPECK_PX)[labels])
+    ellipse = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_BRIDGE_PX, _BRIDGE_PX))
+    return _hanging(other, near, _bytes(cv2.dilate(other, ellipse)))
+
+
+def _hanging(mask: ByteMask, near: BoolArray | None, linked: ByteMask | None = None) -> BoolArray:
+    """Keep the regions, joined by what links them, that come near the gripper; without one, the largest."""
+    count, labels = cv2.connectedComponents(mask if linked is None else linked, connectivity=8)
+    there = mask.view(np.bool_)
+    kept = np.zeros(count, np.bool_)
+    if near is not None:
+        kept[labels[near & there]] = True
+    elif there.any():
+        kept[np.argmax(np.bincount(labels[there]))] = True
+    return np.asarray(kept[labels] & there)
 
 
 @dataclass(slots=True, eq=False)
-class _Seen:
-    """What is seen in half size.
+class _Sorting:
+    """What is known so far of each pixel.
 
     Parameters
     ----------
-    share : (h, w) uint16
-        Brightness against that expected, in parts of :data:`WHOLE`.
-    level : (h, w) float32
-        Expected grey level.
-    like, passable, other : (h, w) uint8
-        1 where a shadow could be; where moreover brightness changes little; where there is surely no shadow.
+    seen : Seen
+        The frame against the empty scene.
+    cut : (h, w) bool
+        Where no garment can be.
+    own : (h, w) bool
+        The garment's own pixels.
     """
 
-    share: NDArray[np.uint16]
-    level: FloatArray
-    like: ByteMask
-    passable: ByteMask
-    other: ByteMask
+    seen: Seen
+    cut: BoolArray
+    own: BoolArray
+    garment: BoolArray = field(init=False)
+    wall: BoolArray = field(init=False)
+    surfaces: list[_Surface] = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.garment = self.own.copy()
+        brightness = self.seen.brightness
+        smoothed = cv2.GaussianBlur(brightness, (5, 5), _SMOOTH_PX)
+        step = cv2.dilate(smoothed, square(3)) - cv2.erode(smoothed, square(3))
+        even = self.seen.like & (step <= max(_STEP_NOISE * self.seen.noise, _LEAST_STEP_LEVELS))
+        smooth = _bytes(cv2.morphologyEx(_bytes(even), cv2.MORPH_OPEN, square(3)))
+        count, labels, stats, _ = cv2.connectedComponentsWithStats(smooth, connectivity=4)
+        lit = self.seen.lit & smooth.view(np.bool_)
+        is_wall = np.bincount(labels.ravel(), lit.ravel(), minlength=count) >= _LEAST_LIT_PX
+        is_wall[0] = False
+        self.wall = np.asarray(is_wall[labels])
+        large = np.flatnonzero(~is_wall & (stats[:, cv2.CC_STAT_AREA] >= _LEAST_SURFACE_PX))
+        self.surfaces = [_Surface.of(labels, label, stats[label]) for label in large[large > 0].tolist()]
+
+    def sort(self) -> None:
+        """Decide each surface; those without an edge to the wall wait until one beside them is wall."""
+        grey = _greys(self.seen, self.own, self.cut)
+        waiting = self.surfaces
+        for _ in range(3):
+            left = [surface for surface in waiting if not self._decide(surface, grey)]
+            if len(left) == len(waiting):
+                break
+            waiting = left
+        for surface in waiting:
+            self.wall[surface.box] |= surface.mask
+
+    def _decide(self, surface: _Surface, grey: BoolArray) -> bool:
+        ring = surface.ring & ~self.cut[surface.box]
+        own, wall = ring & self.own[surface.box], ring & self.wall[surface.box]
+        around, beside = np.count_nonzero(ring), np.count_nonzero(own)
+        is_garment = False
+        if beside > _LEAST_CONTACT * around:
+            change = self.seen.change[surface.box]
+            from_own, from_wall = surface.contrast(change, own), surface.contrast(change, wall)
+            share = self.seen.share[surface.box][surface.mask]
+            likely = bool(np.mean(_is_grey(share, grey)) > 0.5 or np.median(share) < _SHALLOWEST)
+            is_garment = bool(beside > _SURROUNDED * around) or (from_own < from_wall < np.inf and likely)
+            if not is_garment and not (from_wall < np.inf and np.count_nonzero(wall) > 2 * _LEAST_CONTACT * around):
+                return False
+        (self.garment if is_garment else self.wall)[surface.box] |= surface.mask
+        return True
+
+    def edges(self) -> BoolArray:
+        """Mark what could be a shadow, but has a light that no wall around has."""
+        brightness, window = self.seen.brightness, square(7)
+        low = cv2.erode(np.where(self.wall, brightness, np.float32(1e4)), window)
+        high = cv2.dilate(np.where(self.wall, brightness, np.float32(-1e4)), window)
+        margin = np.float32(3 * self.seen.noise)
+        between = (brightness >= low - margin) & (brightness <= high + margin)
+        return np.asarray(self.seen.like & ~self.wall & ~self.garment & ~self.cut & ~between)
+
+    def seams(self) -> BoolArray:
+        """Mark what lies on no surface, beside the garment and as grey as it."""
+        grey = _is_grey(self.seen.share, _greys(self.seen, self.own, self.cut))
+        beside = _bytes(cv2.dilate(_bytes(self.garment), square(2 * _SEAM_PX + 1)))
+        return np.asarray(_opened(self.edges() & grey) & beside, np.bool_)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Surface:
+    """A part of the picture without a step: where it is, its pixels and those around it."""
+
+    box: tuple[slice, slice]
+    mask: BoolArray
+    ring: BoolArray
 
     @classmethod
-    def of(cls, image: NDArray[np.uint16], expected: FloatArray) -> _Seen:
-        """Take brightness and hue apart: the share a that minimises ``abs(I - a B)``, and what is left."""
-        color = cv2.GaussianBlur(image, (3, 3), 0).astype(np.float32) / _FINE
-        b0, b1, b2 = cv2.split(expected)
-        i0, i1, i2 = cv2.split(color)
-        a = (i0 * b0 + i1 * b1 + i2 * b2) / (b0 * b0 + b1 * b1 + b2 * b2)
-        level = (b0 + b1 + b2) / np.float32(3)
-        off = np.maximum(np.maximum(np.abs(i0 - a * b0), np.abs(i1 - a * b1)), np.abs(i2 - a * b2))
-        share = np.rint(np.minimum(a, 4) * WHOLE).astype(np.uint16)
-        allowed = _HUE_LEVELS + _TINT * np.maximum(1 - a, 0) * level
-        like = ((off <= allowed) & (share > _DARKEST) & (share < _BRIGHTEST)).view(np.uint8)
-        bright = np.rint(np.minimum(a * level, 900) * _FINE).astype(np.uint16)
-        step = cv2.dilate(bright, square(3)) - cv2.erode(bright, square(3))
-        passable = np.asarray(
-            cv2.morphologyEx(like & (step <= _STEP_LEVELS * _FINE), cv2.MORPH_OPEN, square(3)), np.uint8
+    def of(cls, labels: NDArray[Any], label: int, stats: NDArray[Any]) -> _Surface:
+        left, top, width, height = (int(value) for value in stats[:4])
+        box = (
+            slice(max(top - _RING_PX, 0), top + height + _RING_PX),
+            slice(max(left - _RING_PX, 0), left + width + _RING_PX),
         )
-        other = (off > _STRONG_LEVELS) | (share <= _DARKEST) | (share > 1.04 * WHOLE)
-        return cls(share, level, like, passable, other.view(np.uint8))
+        mask = np.asarray(labels[box] == label)
+        ring = cv2.dilate(_bytes(mask), square(2 * _RING_PX + 1)).astype(np.bool_) & ~mask
+        return cls(box, mask, ring)
+
+    def contrast(self, change: Plane, beside: BoolArray) -> float:
+        """Return the difference of the channel that differs most, in grey levels; infinite without a neighbour."""
+        if np.count_nonzero(beside) < 5:
+            return np.inf
+        close = self.mask & cv2.dilate(_bytes(beside), square(2 * _RING_PX + 1)).astype(np.bool_)
+        if not close.any():
+            return np.inf
+        return float(np.abs(np.median(change[beside], axis=0) - np.median(change[close], axis=0)).max())
 
 
-def _wall(seen: _Seen, near: BoolArray | None) -> ByteMask:
-    """Mark the wall, lit or not."""
-    off_levels = (seen.share.astype(np.float32) - WHOLE) * seen.level / WHOLE
-    lit = (np.abs(off_levels) < _LIT_LEVELS) & seen.passable.view(np.bool_)
-    count, found, stats, _ = cv2.connectedComponentsWithStats(seen.passable, connectivity=4, ltype=cv2.CV_32S)
-    labels = np.asarray(found, np.int32)
-    is_wall = np.bincount(labels.ravel(), lit.ravel(), minlength=count) >= _LEAST_LIT_PX
-    is_wall[0] = False
-    patches = (
-        _flat_patches(seen, labels, stats[:, cv2.CC_STAT_AREA], is_wall, lit)
-        if near is not None and _is_held(seen, near)
-        else []
-    )
-    for patch in patches:
-        is_wall[patch] = True
-    wall = np.take(is_wall, labels).astype(np.uint8)
-    wall |= _between(seen, wall)
-    if patches:
-        wall |= _partly_shadowed(seen, np.isin(labels, patches), patches, labels)
-    return np.asarray(wall, np.uint8)
+def _greys(seen: Seen, own: BoolArray, cut: BoolArray) -> BoolArray:
+    """Return which shares of light, in steps of 1/50, are shown by the garment where it has the wall's hue.
 
-
-def _is_held(seen: _Seen, near: BoolArray) -> bool:
-    """Whether something that no shadow explains hangs from the gripper."""
-    other = cv2.morphologyEx(seen.other, cv2.MORPH_OPEN, square(2))
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(other, connectivity=8)
-    touching = np.unique(labels[near])
-    return bool((stats[touching[touching > 0], cv2.CC_STAT_AREA] >= _LEAST_HELD_PX).any())
-
-
-def _flat_patches(
-    seen: _Seen, labels: NDArray[np.int32], areas_px: NDArray[Any], is_wall: BoolArray, lit: BoolArray
-) -> list[int]:
-    """Return the labels of large dark patches whose brightness varies as little as that of the lit wall."""
-    if not lit.any():
-        return []
-    share = seen.share.astype(np.float32) / np.float32(WHOLE)
-    noise = np.median(np.abs(share[lit] - 1) * seen.level[lit])
-    large = np.flatnonzero(~is_wall & (areas_px >= _LEAST_PATCH_PX))
-    patches = []
-    for label in large[large > 0].tolist():
-        patch = (labels == label).view(np.uint8)
-        inside = np.asarray(cv2.erode(patch, square(7), borderType=cv2.BORDER_CONSTANT, borderValue=0), np.uint8)
-        if np.count_nonzero(inside) >= _LEAST_PATCH_PX // 2 and _spread(share, seen.level, inside) <= _FLATNESS * noise:
-            patches.append(label)
-    return patches
-
-
-def _spread(share: NDArray[np.float32], level: FloatArray, where: ByteMask) -> float:
-    """Return how far brightness varies, in grey levels; the wall's own shading does not count."""
-    low, high = np.percentile(share[where.view(np.bool_)], _SPREAD)
-    return float((high - low) * level[where.view(np.bool_)].mean())
-
-
-def _between(seen: _Seen, wall: ByteMask) -> ByteMask:
-    """Mark the border between lit and shadowed wall: of the wall's hue, and no darker than the darker side."""
-    window = square(_GAP_PX)
-    darkest = cv2.erode(np.where(wall, seen.share, 4 * WHOLE).astype(np.uint16), window)
-    brightest = cv2.dilate(np.where(wall, seen.share, 0).astype(np.uint16), window)
-    margin = 2 * WHOLE / seen.level
-    step = (brightest.astype(np.float32) - darkest) * seen.level > 5 * WHOLE
-    inside = (seen.share >= darkest - margin) & (seen.share <= brightest + margin) & step
-    closed = np.asarray(cv2.morphologyEx(wall, cv2.MORPH_CLOSE, window), np.uint8)
-    border = closed & seen.like & inside.view(np.uint8)
-    return np.asarray(cv2.morphologyEx(border | wall, cv2.MORPH_OPEN, square(2)), np.uint8)
-
-
-def _partly_shadowed(seen: _Seen, hard: BoolArray, patches: list[int], labels: NDArray[np.int32]) -> ByteMask:
-    """Mark what has the wall's hue near shadows with sharp edges, and is not darker than they are."""
-    darkest = min(float(np.median(seen.share[labels == patch])) for patch in patches)
-    near = np.asarray(cv2.dilate(hard.view(np.uint8), square(21)), np.uint8)
-    lighter = (seen.share >= darkest - 3 * WHOLE / seen.level).view(np.uint8)
-    return np.asarray(cv2.morphologyEx(near & seen.like & lighter, cv2.MORPH_OPEN, square(2)), np.uint8)
-
-
-def _spread_out(seen: _Seen, wall: ByteMask) -> NDArray[np.uint16]:
-    """Return the light of the wall, and behind other things that of the wall around them.
-
-    What is as good as lit is lit: so a frame without shadows is compared with the background as it is.
+    Well within the outline of its own pixels, for at its edges the background mixes in.
     """
-    found = np.where(wall, np.minimum(seen.share, _BRIGHTEST), 0).astype(np.uint16)
-    light = np.full(found.shape, WHOLE, np.uint16)
-    unknown = np.ones(found.shape, np.bool_)
-    for side in _WINDOWS_PX:
-        sums, counts = (
-            cv2.boxFilter(part, cv2.CV_32F, (side, side), normalize=False, borderType=cv2.BORDER_CONSTANT)
-            for part in (found, wall)
-        )
-        known = unknown & (counts > 0.04 * side * side) & (wall.view(np.bool_) | (side > _WINDOWS_PX[0]))
-        light[known] = np.rint(sums[known] / counts[known]).astype(np.uint16)
-        unknown &= ~known
-        if not unknown.any():
-            break
-    off_levels = (light.astype(np.float32) - WHOLE) * seen.level
-    light[np.abs(off_levels) < _AS_GOOD_AS_LIT_LEVELS * WHOLE] = WHOLE
-    return light
+    pad = _OUTLINE_PX
+    ellipse = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_OUTLINE_PX, _OUTLINE_PX))
+    closed = cv2.morphologyEx(np.pad(_bytes(own), pad), cv2.MORPH_CLOSE, ellipse)[pad:-pad, pad:-pad].copy()
+    contours, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
+    cv2.drawContours(closed, contours, -1, 1, cv2.FILLED)
+    inside = cv2.erode(closed, square(5), borderType=cv2.BORDER_CONSTANT, borderValue=0).astype(np.bool_)
+    grey = inside & seen.own_hue & ~cut
+    counts = np.bincount(_bins(seen.share[grey]), minlength=2 * _GREY_BINS)
+    near_counts = np.convolve(counts, np.ones(5, np.int64), "same")
+    return np.asarray(near_counts >= max(_GREY_LIKELY * np.count_nonzero(inside), _LEAST_GREY_PX))
+
+
+def _bins(share: Plane) -> NDArray[np.int64]:
+    return np.clip(share * _GREY_BINS, 0, 2 * _GREY_BINS - 1).astype(np.int64)
+
+
+def _is_grey(share: Plane, grey: BoolArray) -> BoolArray:
+    return np.asarray(grey[_bins(share)])
+
+
+def _filled(garment: ByteMask, seen: Seen) -> ByteMask:
+    """Close stripes of the wall's very colour, and holes that are none: the lit wall is not seen through them."""
+    stripe = np.ones((_STRIPE_PX, 1), np.uint8)
+    pad = _STRIPE_PX
+    padded = cv2.copyMakeBorder(garment, pad, pad, pad, pad, cv2.BORDER_CONSTANT, value=0)
+    striped = cv2.morphologyEx(padded, cv2.MORPH_CLOSE, stripe)
+    between = _bytes(cv2.morphologyEx(striped - padded, cv2.MORPH_OPEN, np.ones(_LEAST_STRIPE_PX, np.uint8)))
+    between = between[pad:-pad, pad:-pad]
+    filled = _bytes(cv2.morphologyEx(striped, cv2.MORPH_CLOSE, square(5))[pad:-pad, pad:-pad])
+    count, labels, stats, _ = cv2.connectedComponentsWithStats(1 - filled, connectivity=4)
+    dark = seen.brightness < -3 * seen.noise
+    dark_px = np.bincount(labels.ravel(), dark.ravel(), minlength=count)
+    holes = (2 * dark_px > stats[:, cv2.CC_STAT_AREA]) | (stats[:, cv2.CC_STAT_AREA] < 30)
+    holes[0] = False
+    for rim in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
+        holes[rim] = False
+    return np.asarray((filled | _bytes(holes[labels])) + between, np.uint8)

@@ -3,7 +3,8 @@
 The coarse mask is thesis eq. (5.3), opened, closed, cut free of the gripper and reduced to its largest region, bit by
 bit as defined. Its edge lies where the colour leaves the noise: outside the garment, by more than a pixel in a blurred
 image. :func:`.refine_edges` moves it to where a pixel is half garment, half background. Shadows on the wall differ from
-the background, too: :class:`.LightFinder` says how much of its light is left, and the comparison is made with that.
+the background, too: :class:`.LightFinder` says what is garment and how much of its light the wall has left; within that
+garment, the comparison is made with the wall in this light.
 """
 
 from __future__ import annotations
@@ -18,8 +19,8 @@ import numpy as np
 from garment_dataset.errors import PictureError
 from garment_dataset.vision.color.background import Bounds, DriftEstimator, lattice
 from garment_dataset.vision.color.edges import refine_edges
+from garment_dataset.vision.color.light import GainEstimator, LightFinder
 from garment_dataset.vision.color.masks import bounding_box, largest_component, open_close, square
-from garment_dataset.vision.color.shadow import LightFinder
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -31,7 +32,9 @@ if TYPE_CHECKING:
 Edge = Literal["half_contrast", "threshold"]
 
 _CONTEXT_PX = 8  # rows above the gripper's end point that edges are decided with
-_AROUND_PX = 48  # lit wall around a garment and its shadow, to begin with
+_MARGIN_PX = 16  # around what is looked at closely
+_ELSEWHERE_PX = 7  # side of a square that noise does not fill
+_CORE_PX = 9  # deeper inside, no pixel is background
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -106,11 +109,24 @@ class BackgroundSubtractor:
         self._pitch_px = max(1, open_px // 3 if open_px >= 6 else open_px // 2)
         self._lattice_bounds = self._bounds.lattice(self._pitch_px)
         self._drift = DriftEstimator(background, clip)
-        self._light = LightFinder(background.mean, self._clip) if shadows else None
+        self._gain = GainEstimator(background, clip)
+        self._light = LightFinder(background.mean) if shadows else None
 
     def drift(self, frame: ColorImage) -> FloatArray:
-        """Estimate the change of brightness against the background: see :class:`DriftEstimator`."""
-        return self._drift(frame)
+        """Estimate the change of brightness against the background.
+
+        Parameters
+        ----------
+        frame : (H, W, 3) uint8
+            Colour image.
+
+        Returns
+        -------
+        (3,) float64
+            Grey levels by channel: see :class:`DriftEstimator`. With ``shadows`` brightness changes by a factor, and
+            these are the levels of a pixel of median brightness: see :class:`.GainEstimator`. NaN when unknown.
+        """
+        return self._drift(frame) if self._light is None else (self._gain(frame) - 1) * self._gain.reference
 
     def find(
         self,
@@ -154,24 +170,15 @@ class BackgroundSubtractor:
         change = np.zeros(3) if drift is None else drift
         if not np.isfinite(change).all():
             raise ValueError("the drift of this frame is unknown")
-        shift = np.rint(change).astype(np.int16)
         top = 0 if top_v_px is None else min(max(math.ceil(top_v_px), 0), frame.shape[0])
+        if self._light is not None:
+            return self._find_lit(frame, 1 + change / self._gain.reference, top, gripper, near)
         refined = self._edge == "half_contrast"
+        shift = np.rint(change).astype(np.int16)
         mask = np.zeros(frame.shape[:2], np.uint8)
         box = self._search(frame, shift, max(top - _CONTEXT_PX, 0) if refined else top)
         if box is None:
             return Silhouette(mask.view(np.bool_))
-        mean, wall_like = self._mean, None
-        if self._light is not None:
-            around = _around(box, frame.shape[:2])
-            light = self._light(frame, change, around, near)
-            if light.change is not None:
-                mean = mean.copy()
-                mean[around] += light.change
-                box, within = _within(box, around)
-                shift = shift + light.change[within]
-            wall_like = np.zeros(frame.shape[:2], np.bool_)
-            wall_like[around] = light.wall_like
         marked = np.minimum(open_close(self._bounds[box].outside(frame[box], shift), *self._sides_px), np.uint8(1))
         if self._clip is not None:
             marked &= self._clip[box]
@@ -180,15 +187,44 @@ class BackgroundSubtractor:
         if refined and mask[box].any():
             # Smaller regions go. What was cut off stays until the edges are decided: a cut is no edge of the garment
             mask[box] |= marked - below
-            mask = refine_edges(frame, mean, mask, change)
+            mask = refine_edges(frame, self._mean, mask, change)
             box = bounding_box(mask)
             if self._clip is not None:
                 mask[box] &= self._clip[box]
             mask[box] = largest_component(_without(mask[box], box, top, gripper), None if near is None else near[box])
-        if not mask.any():
-            return Silhouette(mask.view(np.bool_), is_elsewhere=bool(below.any()) and near is not None)
+        return Silhouette(mask.view(np.bool_), is_elsewhere=not mask.any() and bool(below.any()) and near is not None)
+
+    def _find_lit(
+        self, frame: ColorImage, gain: FloatArray, top: int, gripper: BoolArray | None, near: BoolArray | None
+    ) -> Silhouette:
+        """Mark the garment before a background that shadows fall on."""
+        assert self._light is not None
+        cut = np.zeros(frame.shape[:2], np.bool_) if self._clip is None else self._clip == 0
+        cut[: max(top - _CONTEXT_PX, 0)] = True  # a cut is no edge of the garment
+        light = self._light(frame, gain, cut, near)
+        cut[:top] = True
+        if gripper is not None:
+            cut |= gripper
+        mask = np.zeros(frame.shape[:2], np.uint8)
+        if not light.garment.any():
+            other = cv2.erode((~light.wall_like & ~cut).view(np.uint8), square(_ELSEWHERE_PX))
+            return Silhouette(mask.view(np.bool_), is_elsewhere=near is not None and bool(other.any()))
+        box = bounding_box(light.garment, _MARGIN_PX)
+        garment, between = np.minimum(light.garment[box], np.uint8(1)), light.garment[box] >> np.uint8(1)
+        expected = self._mean[box] * gain * light.share[box][..., np.newaxis]
+        shift = np.rint(expected - self._mean[box]).astype(np.int16)
+        opened, closed = self._sides_px
+        differs = np.minimum(open_close(self._bounds[box].outside(frame[box], shift), opened, closed), np.uint8(1))
+        core = np.asarray(cv2.erode(garment, square(_CORE_PX), borderType=cv2.BORDER_CONSTANT, borderValue=0), np.uint8)
+        coarse = np.asarray(open_close((differs & garment) | core | between, 1, closed) & garment, np.uint8)
+        if self._edge == "half_contrast":
+            coarse = refine_edges(np.ascontiguousarray(frame[box]), expected, coarse, np.zeros(3))
+        coarse[cut[box]] = 0
+        mask[box] = largest_component(coarse, None if near is None else near[box])
         found = mask.view(np.bool_)
-        return Silhouette(found, None if wall_like is None else 1 - float(wall_like[found].mean()))
+        if not found.any():
+            return Silhouette(found, is_elsewhere=near is not None)
+        return Silhouette(found, 1 - float(light.wall_like[found].mean()))
 
     def _search(self, frame: ColorImage, shift: NDArray[np.int16], top: int) -> Box | None:
         """Find a box that holds all that opening leaves at and below row ``top``, or None when that is nothing.
@@ -226,22 +262,3 @@ def _without(mask: ByteMask, box: Box, top: int, gripper: BoolArray | None) -> B
     if gripper is not None:
         kept[gripper[box]] = 0
     return kept
-
-
-def _around(box: Box, size: tuple[int, ...]) -> Box:
-    """Return a box with lit wall around it; its ends are even."""
-    rows, columns = (
-        slice(max(part.start - _AROUND_PX, 0) // 2 * 2, min(part.stop + _AROUND_PX, length) // 2 * 2)
-        for part, length in zip(box, size, strict=True)
-    )
-    return rows, columns
-
-
-def _within(box: Box, around: Box) -> tuple[Box, Box]:
-    """Return the part of a box that lies in another, as seen in the image and as seen in that other one."""
-    rows, columns = (slice(part.start, min(part.stop, outer.stop)) for part, outer in zip(box, around, strict=True))
-    inner = tuple(
-        slice(part.start - outer.start, part.stop - outer.start)
-        for part, outer in zip((rows, columns), around, strict=True)
-    )
-    return (rows, columns), (inner[0], inner[1])

@@ -82,11 +82,11 @@ def iou(found: BoolArray, width_px: int) -> float:
 
 @pytest.mark.parametrize("color", COLORS)
 @pytest.mark.parametrize("width_px", [WIDE, EDGE_ON])
-def test_without_shadows_nothing_changes(color: str, width_px: int) -> None:
+def test_without_shadows_it_is_as_good_as_without_looking_for_them(color: str, width_px: int) -> None:
     picture = painted(color, width_px)
-    found = find(picture)
-    assert iou(found.mask, width_px) == pytest.approx(iou(find(picture, shadows=False).mask, width_px), abs=0.015)
-    assert iou(found.mask, width_px) > 0.92
+    found = iou(find(picture).mask, width_px)
+    assert found > iou(find(picture, shadows=False).mask, width_px) - 0.005
+    assert found > 0.99
 
 
 @pytest.mark.parametrize("color", COLORS)
@@ -94,7 +94,7 @@ def test_without_shadows_nothing_changes(color: str, width_px: int) -> None:
 def test_a_soft_shadow_is_wall(color: str, softness_px: float, depth: float, tint: float) -> None:
     light = shadow(softness_px, depth, tint=tint)
     assert iou(find(painted(color, WIDE, light)).mask, WIDE) > 0.97
-    assert iou(find(painted(color, EDGE_ON, light)).mask, EDGE_ON) > (0.9 if depth < 0.2 else 0.8)
+    assert iou(find(painted(color, EDGE_ON, light)).mask, EDGE_ON) > (0.8 if color == "grey" else 0.97)
 
 
 def test_the_shadow_of_a_sheet_seen_edge_on_was_taken_for_it() -> None:
@@ -105,7 +105,38 @@ def test_the_shadow_of_a_sheet_seen_edge_on_was_taken_for_it() -> None:
 @pytest.mark.parametrize("color", ["green", "black"])
 @pytest.mark.parametrize("depth", [0.09, 0.2])
 def test_a_hard_shadow_is_wall_where_cloth_of_another_colour_hangs(color: str, depth: float) -> None:
-    assert iou(find(painted(color, WIDE, shadow(1.2, depth, shift_px=-60))).mask, WIDE) > 0.92
+    assert iou(find(painted(color, WIDE, shadow(1.2, depth, shift_px=-60))).mask, WIDE) > 0.99
+
+
+@pytest.mark.parametrize("depth", [0.05, 0.15, 0.25])
+@pytest.mark.parametrize("softness_px", [0.3, 3, 10])
+def test_less_light_at_the_same_hue_is_no_garment_beside_one(depth: float, softness_px: float) -> None:
+    """Sharp or soft, up to what a lamp takes: next to a green sheet, all that a shadow explains is wall."""
+    light = shadow(softness_px, depth, shift_px=-45)
+    found = find(painted("green", WIDE, light)).mask
+    dark = light.min(axis=2) < 1 - 0.9 * depth
+    beyond = cv2.dilate(sheet(WIDE).view(np.uint8), np.ones((5, 5), np.uint8)) == 0
+    assert not (found & dark & beyond).any()
+
+
+def test_a_uniform_loss_of_light_is_exposure() -> None:
+    found = find(painted("green", WIDE) * 0.75)
+    assert iou(found.mask, WIDE) > 0.99
+
+
+def test_fields_of_the_wall_s_hue_that_the_garment_surrounds_are_garment() -> None:
+    picture = painted("green", WIDE)
+    for v in (80, 120, 160):
+        picture[v : v + 14, 145:165] = wall()[v : v + 14, 145:165] * 0.75
+    assert iou(find(picture).mask, WIDE) > 0.99
+
+
+def test_parts_of_a_pattern_belong_together_though_the_wall_shows_between() -> None:
+    """White stripes that are just as the wall: what hangs below them is garment, and so are they."""
+    picture = painted("green", EDGE_ON)
+    for v in (80, 120, 160):
+        picture[v : v + 14] = wall()[v : v + 14]
+    assert iou(find(picture).mask, EDGE_ON) > 0.8
 
 
 def test_grey_cloth_before_a_wall_is_no_shadow() -> None:
