@@ -72,13 +72,13 @@ EXACT_GRIPPER = Method("profile, gripper exact", {"gripper_std_m": 0.0})
 """The simulated gripper's end point is known without error: what is stated for it is never used up."""
 
 CALIBRATED = (THESIS, DEFAULT, EXACT_GRIPPER)
-_BARE = {"windows_px": ((4, 7),), "smoothing_frames": (), "flat_field_beyond_m": 100.0}
+_BARE = {"windows_px": ((12, 12),), "smoothing_frames": (), "flat_field_beyond_m": 100.0}
 STEPS = (
     THESIS,
-    Method("one plane, 1.7 x 2.8 cm, per row; way from the gripper's point to the hem", _BARE),
-    Method("planes as large as agree, to 26 x 8 cm", {k: v for k, v in _BARE.items() if k != "windows_px"}),
+    Method("surfaces in 4.7 x 4.7 cm, each frame divided by its own length", _BARE),
+    Method("and in 14 x 9 cm, as bend and pattern say", {k: v for k, v in _BARE.items() if k != "windows_px"}),
     Method("columns corrected on the wall behind", {"smoothing_frames": ()}),
-    Method("smoothed over time, parabolas of 5 frames", {"smoothing_frames": (5,)}),
+    Method("points smoothed over time, parabolas of 5 frames", {"smoothing_frames": (5,)}),
     Method("of 5, 9 or 13 frames, as agree: the default"),
 )
 VELOCITIES = (

@@ -50,7 +50,7 @@ CHAINS = TableSpec(
 
 POINTS = TableSpec(
     "points",
-    3,
+    4,
     "one point of one depth frame",
     (
         FRAME,
@@ -100,8 +100,8 @@ class DepthPointsParams(StageParams):
 
     method: Literal["profile", "thesis"] = Field(
         default="profile",
-        description="thesis: means over windows, eqs. (5.6) to (5.11), each frame alone. profile: planes fitted to the "
-        "inverse depth around the plane x = x_gripper, smoothed over time; docs/accuracy.md compares them",
+        description="thesis: means over windows, eqs. (5.6) to (5.11), each frame alone. profile: surfaces fitted to "
+        "the inverse depth around the plane x = x_gripper, smoothed over time; docs/accuracy.md compares them",
     )
     band_half_width_m: float = Field(
         default=0.27,
@@ -130,10 +130,11 @@ class DepthPointsParams(StageParams):
         default=1, ge=1, description="thesis: pixels below which a sample counts as empty; the thesis takes any"
     )
     windows_px: tuple[tuple[int, int], ...] = Field(
-        default=((4, 7), (12, 12), (36, 18), (70, 20)),
+        default=((12, 12), (36, 24)),
         min_length=1,
-        description="profile: half widths and half heights of the windows, rising; the largest that agrees with the "
-        "smaller ones is used. At 1.07 m they are 1.7 x 2.8 to 26 x 7.7 cm large",
+        description="profile: half widths and half heights of the windows that surfaces of second order are fitted to, "
+        "rising, and a plane to the last; the one with the least error is used, by bend and fixed pattern. At 1.07 m "
+        "they are 4.7 x 4.7 and 14 x 9 cm large",
     )
     smoothing_frames: tuple[Annotated[int, Field(ge=4)], ...] = Field(
         default=(5, 9, 13),

@@ -7,11 +7,12 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from garment_dataset.vision.depth.cloud import band_limits_mm
+from garment_dataset.vision.depth.hem_line import edge_row
 
 if TYPE_CHECKING:
-    from garment_dataset.arrays import DepthImage
+    from garment_dataset.arrays import DepthImage, FloatArray
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
-    from garment_dataset.vision.depth.planes import ProfileRows
+    from garment_dataset.vision.depth.surfaces import ProfileRows
 
 LengthReason = Literal["image_edge", "gap", "occluded", "beyond_band"]
 """Why the length of the garment is not known: its hem was not seen.
@@ -21,14 +22,14 @@ no background is seen where the cloth seems to end. ``occluded``: something near
 the surface goes on outside of the band of eq. (5.8).
 """
 
-_MIN_COLUMNS = 3
-_HEM_HALF_WIDTH_PX = 10
-_HEM_REACH_PX = 12
-_EARLY_PX, _LATE_PX = 0.75, 2.0
-"""How far before and behind the line of the hem a column may end: whole ones end half a row about it."""
+_HEM_HALF_WIDTH_PX = 14
+_HEM_RISE_PX, _HEM_REACH_PX = 24, 16
+"""So many rows above and below the last one of the profile its neighbours may end."""
 
 _DEAD_SHARE = 1 / 24
 """Share of an image's rows at its bottom that may be dead: registered ones of 480 rows have up to 17 (measured)."""
+
+_EARLY_PX = 3.0
 
 _BELOW_HEM_PX = (2, 8)
 """Rows below the hem that are looked at: the next one may be mixed."""
@@ -36,35 +37,60 @@ _BELOW_HEM_PX = (2, 8)
 _BESIDE_HEM_PX = 3
 
 
-def hem_row(masked_mm: DepthImage, rows: ProfileRows, last: int, jump_m: float) -> float | None:
+def hem_row(block_mm: DepthImage, rows: ProfileRows, last: int, jump_m: float) -> float | None:
     """Return the row, in pixels of the image, at which the garment ends on the profile; None at the image's edge.
 
-    The ends of the columns around it are put on a line, robustly: a missing pixel ends a column early. A column whose
-    last pixel is in row v ends anywhere between v and v + 1.
+    A cloth whose last pixel is in row v ends anywhere between v and v + 1.
     """
     if last >= rows.v.size - 1:
         return None
-    first_row, stop_row = max(last - _HEM_REACH_PX, 0), min(last + _HEM_REACH_PX, rows.v.size)
-    columns = np.rint(rows.column_px[last]).astype(np.int64) + np.arange(-_HEM_HALF_WIDTH_PX, _HEM_HALF_WIDTH_PX + 1)
-    columns = columns[(columns >= 0) & (columns < masked_mm.shape[1])]
-    around_mm = masked_mm[first_row:stop_row, columns].astype(np.float64)
-    cloth = np.abs(around_mm / 1000 - rows.middle_m[last]) <= jump_m
-    seen = cloth.any(axis=0)
-    ends = (stop_row - 1 - np.argmax(cloth[::-1], axis=0))[seen].astype(np.float64)
-    away = (columns - rows.column_px[last])[seen]
-    end = float(last)
-    if ends.size >= 5:
-        kept = np.ones(ends.size, dtype=np.bool_)
-        for _ in range(5):
-            centred = away[kept] - away[kept].mean()
-            slope = (centred * ends[kept]).sum() / max((centred**2).sum(), 1e-9)
-            level = ends[kept].mean() - slope * away[kept].mean()
-            beyond = ends - level - slope * away
-            kept = (beyond >= -_EARLY_PX) & (beyond <= _LATE_PX)
-            if kept.sum() < _MIN_COLUMNS:
-                break
-        end = level if abs(level - last) <= _HEM_REACH_PX / 2 else end
+    edge = edge_row(*column_ends(block_mm, rows, last, jump_m))
+    # a hole at the profile's own column may hide its last rows, but rows that are seen are there
+    end = float(last) if edge is None or not -_EARLY_PX <= edge - last <= _HEM_REACH_PX else edge
     return end + 0.5 + float(rows.v[0])
+
+
+def column_ends(
+    block_mm: DepthImage, rows: ProfileRows, last: int, jump_m: float
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Return the columns around the profile, and between which rows of the block each has its last pixel of cloth.
+
+    A column goes on as long as any pixel below has the depth of its last connected one: missing ones do not end it. It
+    ends somewhere among the missing ones behind its last, before background or another surface is seen.
+
+    Parameters
+    ----------
+    block_mm : (h, w) uint16
+        The part of an image in which the garment can be, and what is behind it.
+    rows : ProfileRows
+        Pixels around its profile.
+    last : int
+        Last row that shows the profile.
+    jump_m : float
+        Depths that differ by more are two surfaces.
+
+    Returns
+    -------
+    away_px, lowest, highest : (n,) float64
+        Columns from the profile's; the last row seen, and the last before anything else is seen.
+    """
+    top, bottom = max(last - _HEM_RISE_PX, 0), min(last + _HEM_REACH_PX, rows.v.size)
+    middle = (rows.weight.shape[1] - 1) // 2
+    half = min(_HEM_HALF_WIDTH_PX, middle)
+    step = np.arange(-half, half + 1)
+    columns = np.rint(rows.column_px[last]).astype(np.int64) + step
+    connected = rows.weight[top : last + 1, middle + step] > 0
+    known = connected.any(axis=0) & (columns >= 0) & (columns < block_mm.shape[1])
+    columns, connected = columns[known], connected[:, known]
+    from_row = connected.shape[0] - 1 - np.argmax(connected[::-1], axis=0)
+    around_m, row = block_mm[top:bottom, columns] / 1000, np.arange(bottom - top)[:, None]
+    own_m = around_m[from_row, np.arange(columns.size)]
+    cloth = (np.abs(around_m - own_m) <= jump_m) & (row >= from_row)
+    lowest = bottom - top - 1 - np.argmax(cloth[::-1], axis=0)
+    other = (around_m > 0) & (row > lowest)
+    missing = np.where(other.any(axis=0), np.argmax(other, axis=0), bottom - top) - lowest - 1
+    away_px, seen = columns - rows.column_px[last], (top + lowest).astype(np.float64)
+    return away_px, seen, seen + missing
 
 
 def doubt_hem(

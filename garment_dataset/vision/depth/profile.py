@@ -16,7 +16,8 @@ import numpy as np
 
 from garment_dataset.vision.depth.cloud import band_limits_mm, possible_region
 from garment_dataset.vision.depth.hem import hem_row
-from garment_dataset.vision.depth.planes import Planes, ProfileRows, fit_windows
+from garment_dataset.vision.depth.pieces import breaks, pieces, without_islands
+from garment_dataset.vision.depth.surfaces import ProfileRows, Surfaces, fit_surfaces
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,6 +53,9 @@ class Profile:
         Where the garment ends.
     ends_at_gap : bool
         Whether more follows after a gap too long to cross.
+    window_z_m, window_gain, window_pixels : (w, n) float64, float64, int64
+        By window: depth of the node, variance of its inverse depth over that of one pixel if these were independent,
+        and number of pixels.
     """
 
     y_m: FloatArray
@@ -63,6 +67,9 @@ class Profile:
     measured_m: FloatArray
     end_y_m: float
     ends_at_gap: bool
+    window_z_m: FloatArray
+    window_gain: FloatArray
+    window_pixels: IntArray
 
     def end_m(self, gripper_x_m: float) -> Point:
         """Return where the profile ends, in space."""
@@ -162,11 +169,12 @@ def trace_profile(
         return "few_pixels"
     if _reach_m(rows, index[0], intrinsics, gripper_m) > settings.hold_reach_m:
         return "not_held"
-    piece = np.concatenate([[0], np.cumsum(np.abs(np.diff(rows.middle_m[index])) > settings.jump_m)])
-    planes = fit_windows(rows, index, piece, intrinsics, gripper_m[0], settings.windows_px)
-    end_v = hem_row(masked, rows, index[-1], settings.jump_m)
+    index = without_islands(index, rows.middle_m[index], settings.jump_m)
+    piece = pieces(rows.middle_m[index], settings.jump_m)
+    surfaces = fit_surfaces(rows, index, piece, intrinsics, gripper_m[0], settings.windows_px)
+    end_v = hem_row(block, rows, index[-1], settings.jump_m)
     last_v = (depth_mm.shape[0] - 0.5) if end_v is None else end_v
-    return _profile(_Rows(rows, index, piece), planes, last_v, intrinsics, ends_at_gap=ends_at_gap)
+    return _profile(_Rows(rows, index, piece), surfaces, last_v, intrinsics, ends_at_gap=ends_at_gap)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -202,7 +210,7 @@ def _gather(block: _Block, intrinsics: Intrinsics, gripper_m: Point, jump_m: flo
     around_mm = smooth_mm.ravel().take(pixel).astype(np.int32)
     own_mm = block.masked_mm.ravel().take(pixel)
     connected = inside & (around_mm > 0)
-    step = np.abs(around_mm[:, 1:] - around_mm[:, :-1]) <= 1000 * jump_m
+    step = ~breaks(np.abs(around_mm[:, 1:] - around_mm[:, :-1]), 1000 * jump_m)
     connected[:, half + 1 :] &= np.logical_and.accumulate(step[:, half:], axis=1)
     connected[:, :half] &= np.logical_and.accumulate(step[:, half - 1 :: -1], axis=1)[:, ::-1]
     connected &= connected[:, half : half + 1]
@@ -248,7 +256,7 @@ def _linked(index: IntArray, rows: ProfileRows, intrinsics: Intrinsics, max_gap_
     return (index, False) if too_long.size == 0 else (index[: too_long[0] + 1], True)
 
 
-def _profile(rows: _Rows, planes: Planes, last_v: float, intrinsics: Intrinsics, *, ends_at_gap: bool) -> Profile:
+def _profile(rows: _Rows, surfaces: Surfaces, last_v: float, intrinsics: Intrinsics, *, ends_at_gap: bool) -> Profile:
     """Make nodes of the rows; pieces are drawn out to the middle of what is between them, and the last to the hem."""
     index, piece = rows.index, rows.piece
     v = rows.all.v[index]
@@ -262,19 +270,23 @@ def _profile(rows: _Rows, planes: Planes, last_v: float, intrinsics: Intrinsics,
     at_v = np.concatenate([v[kept], middle, middle, [max(last_v, v[kept][-1])]])
     order = np.lexsort((at_v, piece[source]))
     source, at_v, measured_m = source[order], at_v[order], measured_m[order]
-    z_m = 1 / (planes.inverse[source] + planes.down[source] * (at_v - v[source]))
+    window_z_m = 1 / (surfaces.inverse[:, source] + surfaces.down[:, source] * (at_v - v[source]))
+    z_m = window_z_m[0]
     y_m = (at_v - intrinsics.cy_px) / intrinsics.fy_px * z_m
-    spread_m = _spread_m(rows.all.weight[index], rows.all.inverse[index], planes.inverse)
+    spread_m = _spread_m(rows.all.weight[index], rows.all.inverse[index], surfaces.inverse[0])
     return Profile(
         y_m,
         z_m,
         piece[source],
-        planes.pixels[source],
+        surfaces.pixels[0, source],
         spread_m[source],
-        planes.lean[source],
+        surfaces.lean[0, source],
         measured_m,
         float(y_m[-1]),
         ends_at_gap,
+        window_z_m,
+        surfaces.gain[:, source],
+        surfaces.pixels[:, source],
     )
 
 

@@ -13,6 +13,7 @@ from garment_dataset.vision.depth.cloud import select_pixels
 from garment_dataset.vision.depth.flat_field import column_offsets, fixed_error_levels, inverse_depth_table
 from garment_dataset.vision.depth.hem import doubt_hem
 from garment_dataset.vision.depth.material_line import divide_material_line, smooth_material_lines, trace_material_line
+from garment_dataset.vision.depth.pattern import fixed_pattern
 from garment_dataset.vision.depth.profile import DepthScale, Profile, trace_profile
 from garment_dataset.vision.depth.samples import sample_windows
 from garment_dataset.vision.depth.support import BridgeLimits
@@ -160,7 +161,7 @@ def trace_profiles(
     settings : TrackSettings
         See there.
     """
-    scale, fixed_levels = _measure_scale(images, list(stamps_ns), settings)
+    scale, fixed_levels, pattern = _measure_scale(images, list(stamps_ns), settings)
     traces: dict[int, Trace] = {}
     profiles: dict[int, Profile] = {}
     limits = {"band_half_width_m": settings.profile.band_half_width_m, "jump_m": settings.profile.jump_m}
@@ -192,21 +193,24 @@ def trace_profiles(
     sources = ErrorSources(fixed_levels, settings.gripper_std_m, settings.profile.windows_px[-1])
     frames = list(profiles)
     tracked_ns = np.array([stamps_ns[frame] for frame in frames], np.int64)
-    tracks = track_profiles(
+    tracks, points_m = track_profiles(
         list(profiles.values()),
         tracked_ns,
         np.array([grippers_m[frame] for frame in frames]),
         BridgeLimits(settings.profile.jump_m, settings.longest_bridge_m),
         step_m=settings.sample_step_m,
         frames=settings.smoothing_frames,
+        point_count=settings.point_count,
+        pattern=pattern,
     )
     lines = smooth_material_lines(lines, tracked_ns, frames=settings.smoothing_frames)
-    for frame, track, line in zip(frames, tracks, lines, strict=True):
+    for frame, track, place_m, line in zip(frames, tracks, points_m, lines, strict=True):
         if track.chain.length_m < settings.shortest_m:
             traces[frame] = Trace(track.chain, reason="short")
             continue
         count, gripper_m = settings.point_count, grippers_m[frame]
         points = divide_track(track, gripper_m, intrinsics, point_count=count, sources=sources)
+        points = replace(points, position_m=place_m)
         away_m = distance_m(points, profiles[frame].measured_position_m(gripper_m[0]))
         points = judge_points(points, track.chain, away_m, gripper_m[2], **limits)
         material_m = None if line is None else divide_material_line(line, track, gripper_m, count)
@@ -216,16 +220,17 @@ def trace_profiles(
 
 def _measure_scale(
     images: Iterable[tuple[int, DepthImage | None]], frames: Sequence[int], settings: TrackSettings
-) -> tuple[DepthScale, FloatArray | None]:
-    """Measure on some images what the columns add to inverse depth; return it with the error that is left, by column.
+) -> tuple[DepthScale, FloatArray | None, FloatArray]:
+    """Measure what the columns add to inverse depth on some images; return it with the error left, and the pattern.
 
-    That error is known of an OpenNI sensor alone.
+    That error, by column, is known of an OpenNI sensor alone.
     """
     chosen = set(frames[:: max(len(frames) // settings.flat_field_frames, 1)])
     some = [np.array(depth_mm) for frame, depth_mm in images if frame in chosen and depth_mm is not None]
     table, is_openni = inverse_depth_table(some)
+    pattern = fixed_pattern(some, table, beyond_m=settings.flat_field_beyond_m)
     if not is_openni:
-        return DepthScale(table), None
+        return DepthScale(table), None, pattern
     offset = column_offsets(some, table, beyond_m=settings.flat_field_beyond_m)
     window_px = 2.0 * settings.profile.windows_px[-1][0]
-    return DepthScale(table, offset), fixed_error_levels(offset, window_px, some[0].shape[1])
+    return DepthScale(table, offset), fixed_error_levels(offset, window_px, some[0].shape[1]), pattern

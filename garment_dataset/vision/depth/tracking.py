@@ -1,6 +1,7 @@
 """From the profiles of a whole recording to chains and points: smoothing in time, as far as the data allow it.
 
-Profiles are put on a raster below the gripper, relative to it, and each raster point is followed over time. Local
+Points are divided frame by frame, and then followed over time; for the chain, profiles are put on a raster below the
+gripper, relative to it, and each raster point is followed. Local
 polynomials of growing length replace its values as long as they agree with the shorter ones (the intersection of
 confidence intervals of Goldenshluger and Nemirovski, 1997): long where the cloth rests, short where it turns, not at
 all where a fold passes. Noise is judged by the data, so what is stated as uncertainty is what was seen.
@@ -13,30 +14,27 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from garment_dataset.vision.depth.chain import Chain, ChainPoints, Track
+from garment_dataset.vision.depth.dividing import divide_profile, smooth_points
+from garment_dataset.vision.depth.hold import follow_hold
 from garment_dataset.vision.depth.smoothing import NOISE_FRAMES, adaptive_mean, local_fit, unrest
 from garment_dataset.vision.depth.support import bridge_gaps
 from garment_dataset.vision.depth.uncertainty import point_std_m
+from garment_dataset.vision.depth.windows import choose_windows
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from garment_dataset.arrays import FloatArray, IntArray
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
+    from garment_dataset.vision.depth.hold import Hold
     from garment_dataset.vision.depth.profile import Profile
     from garment_dataset.vision.depth.support import BridgeLimits
     from garment_dataset.vision.depth.uncertainty import ErrorSources
 
 _SHAPE_DEGREE = 2
 
-_HOLD_FRAMES = (5, 9, 17, 33, 65, 129, 257)
-"""How the cloth is held changes little, so it may be followed over the whole recording."""
-
-_STEEPEST = 4.0
 _END_FIT_M = 0.04
 """Length of the stretch whose line draws a profile out beyond its ends."""
-
-_FARTHEST_HOLD_M = 0.03
-"""Cloth that seems farther from the gripper's end point is not held there: its line upwards means nothing."""
 
 _SEEN_WITHIN_M = 0.004
 """Two rows of pixels: a sample farther from any of them is not seen."""
@@ -50,7 +48,9 @@ def track_profiles(
     *,
     step_m: float,
     frames: Sequence[int],
-) -> list[Track]:
+    point_count: int,
+    pattern: FloatArray,
+) -> tuple[list[Track], FloatArray]:
     """Smooth the profiles of a recording over time and link them.
 
     Parameters
@@ -67,62 +67,68 @@ def track_profiles(
         Distance of the samples along y.
     frames : sequence of int
         Lengths of the polynomials in time, see :func:`adaptive_mean`.
+    point_count : int
+        r.
+    pattern : (2,) float64
+        Of the sensor, see :func:`~garment_dataset.vision.depth.windows.choose_windows`.
 
     Returns
     -------
-    list of Track, length T
+    tracks : list of Track, length T
+    points_m : (T, 3, r) float64
+        Points in the middles of equal segments, divided before they were smoothed.
     """
     order = np.argsort(stamp_ns, kind="stable")
+    gripper_m = gripper_m[order]
+    profiles = choose_windows([profiles[i] for i in order], gripper_m, pattern)
     # frames of one stamp are kept apart by a nanosecond each: their polynomials stay solvable
     time_s = (stamp_ns[order] - stamp_ns[order[0]]) / 1e9 + 1e-9 * np.arange(order.size)
-    ends_m = np.array([profiles[i].end_y_m - gripper_m[i, 1] for i in order])
+    hold = follow_hold(profiles, gripper_m, time_s, over_time=bool(frames))
+    divided_m = np.stack(
+        [
+            divide_profile(profile, gripper_m[row], float(hold.past_m[row]), point_count, held=bool(hold.held[row]))
+            for row, profile in enumerate(profiles)
+        ]
+    )
+    points_y_m, points_z_m, length_m = smooth_points(time_s, divided_m, frames)
+    smoothed = _smooth(profiles, gripper_m, time_s, hold, length_m, step_m, frames)
+    tracks = [_track(profile, gripper_m[row], smoothed[row], limits) for row, profile in enumerate(profiles)]
+    points_m = gripper_m[:, :, None] + np.stack([np.zeros_like(points_y_m), points_y_m, points_z_m], axis=1)
+    back = np.argsort(order)
+    return [tracks[row] for row in back], points_m[back]
+
+
+def _smooth(
+    profiles: Sequence[Profile],
+    gripper_m: FloatArray,
+    time_s: FloatArray,
+    hold: Hold,
+    length_m: FloatArray,
+    step_m: float,
+    frames: Sequence[int],
+) -> list[_Smoothed]:
+    """Follow depths on a raster below the gripper, and the hem, over time."""
+    ends_m = np.array([profile.end_y_m - gripper_m[row, 1] for row, profile in enumerate(profiles)])
     end_m, end_noise_m = _one_series(time_s, ends_m, frames, _SHAPE_DEGREE)
     raster_m: FloatArray = step_m * np.arange(int(max(ends_m.max(), end_m.max()) / step_m) + 2, dtype=np.float64)
-    shape_m = np.stack([_on_raster(profiles[i], gripper_m[i], raster_m) for i in order])
+    shape_m = np.stack(
+        [_on_raster(profile, gripper_m[row], raster_m, hold.past_m[row]) for row, profile in enumerate(profiles)]
+    )
     smooth_m, noise_m = adaptive_mean(time_s, shape_m, frames, degree=_SHAPE_DEGREE)
     lengths_m = _lengths(raster_m, shape_m, ends_m)[:, None]
     unrest_m = unrest(lengths_m - local_fit(time_s, lengths_m, NOISE_FRAMES, _SHAPE_DEGREE)[0])[:, 0]
     end_noise_m = np.hypot(end_noise_m, unrest_m)
-    top_m, top_noise_m = _one_series(time_s, shape_m[:, 0], _HOLD_FRAMES if frames else (), 1)
-    held = np.abs(top_m) < _FARTHEST_HOLD_M
-    # the square of a distance is too large by the variance of its noise
-    hold_distance_m = np.sqrt(np.maximum(top_m**2 - top_noise_m**2, 0)) * held
-    tracks = [
-        _track(
-            profiles[i],
-            gripper_m[i],
-            _Smoothed(
-                raster_m,
-                smooth_m[row],
-                noise_m[row],
-                end_m[row],
-                end_noise_m[row],
-                hold_distance_m[row],
-                top_noise_m[row],
-                bool(held[row]),
-            ),
-            limits,
-        )
-        for row, i in enumerate(order)
+    columns = (end_m, end_noise_m, hold.distance_m, hold.noise_m, hold.held, length_m)
+    return [
+        _Smoothed(raster_m, smooth_m[row], noise_m[row], *(column[row] for column in columns))
+        for row in range(time_s.size)
     ]
-    return [tracks[row] for row in np.argsort(order)]
 
 
 def _lengths(raster_m: FloatArray, z_m: FloatArray, end_m: FloatArray) -> FloatArray:
     """Return the lengths of profiles on a raster, (T,), to the raster point before their ends."""
-    links_m = _links(np.broadcast_to(raster_m, z_m.shape), z_m)
+    links_m = np.hypot(np.diff(raster_m), np.diff(z_m, axis=1))
     lengths: FloatArray = (links_m * (raster_m[1:] <= end_m[:, None])).sum(axis=1)
-    return lengths
-
-
-def _links(y_m: FloatArray, z_m: FloatArray) -> FloatArray:
-    """Return the lengths of the links between samples, along the last axis.
-
-    No camera sees cloth so steep that it could be a jump from one surface to another: such a link goes down one
-    surface and then straight to the other.
-    """
-    down_m, away_m = np.diff(y_m, axis=-1), np.abs(np.diff(z_m, axis=-1))
-    lengths: FloatArray = np.where(away_m > _STEEPEST * down_m, down_m + away_m, np.hypot(down_m, away_m))
     return lengths
 
 
@@ -136,8 +142,9 @@ def _one_series(
 class _Smoothed(NamedTuple):
     """One frame's row of the smoothed series, relative to the gripper.
 
-    ``hold_distance_m`` is how far the cloth is from the gripper's end point at its height, ``top_noise_m`` its noise;
-    ``held`` whether the cloth leads up there at all.
+    ``hold_distance_m`` is how far past the gripper's end point the cloth leads at its height, 0 where the way down is
+    straight; ``top_noise_m`` the noise of where it would be; ``held`` whether the cloth leads up there at all.
+    ``length_m`` is of the divided profiles.
     """
 
     raster_m: FloatArray
@@ -148,29 +155,26 @@ class _Smoothed(NamedTuple):
     hold_distance_m: float
     top_noise_m: float
     held: bool
+    length_m: float
 
 
-def _on_raster(profile: Profile, gripper_m: FloatArray, raster_m: FloatArray) -> FloatArray:
-    """Return z relative to the gripper's at the raster; beyond both ends the profile is drawn out straight."""
+def _on_raster(profile: Profile, gripper_m: FloatArray, raster_m: FloatArray, top_m: float) -> FloatArray:
+    """Return z relative to the gripper's at the raster: straight from ``top_m`` to the first node, and on below."""
     y_m, z_m = profile.y_m - gripper_m[1], profile.z_m - gripper_m[2]
     values: FloatArray = np.interp(raster_m, y_m, z_m)
-    first = (profile.piece == 0) & (y_m <= y_m[0] + _END_FIT_M)
     above = raster_m < y_m[0]
-    start_m, slope = _line(y_m[first], z_m[first])
-    values[above] = start_m + slope * raster_m[above]
+    values[above] = top_m + (z_m[0] - top_m) / y_m[0] * raster_m[above]
     last = (profile.piece == profile.piece[-1]) & (y_m >= y_m[-1] - _END_FIT_M)
     below = raster_m > y_m[-1]
-    start_m, slope = _line(y_m[last], z_m[last])
-    values[below] = z_m[-1] + slope * (raster_m[below] - y_m[-1])
+    values[below] = z_m[-1] + _slope(y_m[last], z_m[last]) * (raster_m[below] - y_m[-1])
     return values
 
 
-def _line(y_m: FloatArray, z_m: FloatArray) -> tuple[float, float]:
-    """Return the line through nodes: its z at y = 0 and its slope, 0 for a short stretch, whose slope is noise."""
+def _slope(y_m: FloatArray, z_m: FloatArray) -> float:
+    """Return the slope of the line through nodes; 0 for a short stretch, whose slope is noise."""
     if y_m[-1] - y_m[0] < _END_FIT_M / 2:
-        return float(z_m.mean()), 0.0
-    slope = float(((y_m - y_m.mean()) * z_m).sum() / ((y_m - y_m.mean()) ** 2).sum())
-    return float(z_m.mean() - slope * y_m.mean()), slope
+        return 0.0
+    return float(((y_m - y_m.mean()) * z_m).sum() / ((y_m - y_m.mean()) ** 2).sum())
 
 
 def _track(profile: Profile, gripper_m: FloatArray, smoothed: _Smoothed, limits: BridgeLimits) -> Track:
@@ -194,7 +198,9 @@ def _track(profile: Profile, gripper_m: FloatArray, smoothed: _Smoothed, limits:
     between = (support.bridged_m > 0) & (np.cumsum(seen) > 0)
     if between.any():
         z_m[between] = np.interp(y_m[between], y_m[seen], z_m[seen])
-    arc_m = smoothed.hold_distance_m + np.concatenate([[0.0], np.cumsum(_links(y_m, z_m))])
+    arc_m = smoothed.hold_distance_m + np.concatenate([[0.0], np.cumsum(np.hypot(np.diff(y_m), np.diff(z_m)))])
+    # the chain is smoothed on a raster, the length is not: what is divided counts
+    arc_m *= smoothed.length_m / max(float(arc_m[-1]), 1e-9)
     chain = Chain(
         np.stack([np.full(y_m.size, gripper_m[0]), y_m + gripper_m[1], z_m + gripper_m[2]]),
         arc_m,

@@ -1,0 +1,62 @@
+"""Where one surface ends and another begins, among neighbouring depths."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from garment_dataset.arrays import BoolArray, FloatArray, IntArray
+
+_ISLAND_ROWS = 5
+"""9 mm at 1.07 m."""
+
+_ALONE = 2.0
+"""So many times larger than its neighbours a step is no slope."""
+
+
+def breaks(step: FloatArray | IntArray, jump: float) -> BoolArray:
+    """Return which steps between neighbours, along the last axis, lead to another surface.
+
+    Parameters
+    ----------
+    step : (..., n) array
+        Sizes of the steps.
+    jump : float
+        A larger step does. One of half that does if it stands alone: on a steep slope its neighbours are alike.
+    """
+    beside = np.zeros_like(step)
+    beside[..., 1:] = step[..., :-1]
+    beside[..., :-1] = np.maximum(beside[..., :-1], step[..., 1:])
+    broken: BoolArray = (step > jump) | ((step > jump / 2) & (step > _ALONE * beside))
+    return broken
+
+
+def pieces(middle_m: FloatArray, jump_m: float) -> IntArray:
+    """Return the numbers, from 0, of the pieces that the rows of a profile are on, (n,), by their depths, (n,)."""
+    return np.concatenate([[0], np.cumsum(breaks(np.abs(np.diff(middle_m)), jump_m))])
+
+
+def without_islands(index: IntArray, middle_m: FloatArray, jump_m: float) -> IntArray:
+    """Leave out pieces of few rows between two rows of one surface.
+
+    There the edge of another layer grazes the plane of the profile: half a pixel to the side it would not be on it, yet
+    the way to it and back would count twice.
+
+    Parameters
+    ----------
+    index : (n,) int64
+        Rows of the profile, from the gripper down.
+    middle_m : (n,) float64
+        Their depths.
+    jump_m : float
+        See :func:`breaks`.
+    """
+    first = np.flatnonzero(np.diff(pieces(middle_m, jump_m), prepend=-1))
+    stop = np.append(first[1:], middle_m.size)
+    kept = np.ones(middle_m.size, dtype=np.bool_)
+    for start, end in zip(first[1:-1].tolist(), stop[1:-1].tolist(), strict=True):
+        if end - start <= _ISLAND_ROWS and abs(middle_m[end] - middle_m[start - 1]) <= jump_m:
+            kept[start:end] = False
+    return index[kept]

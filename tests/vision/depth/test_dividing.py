@@ -1,0 +1,126 @@
+"""Dividing single profiles, smoothing their points, and where the cloth is held: known answers."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from garment_dataset.vision.depth.cloud import LEVEL_SPACING_PER_M
+from garment_dataset.vision.depth.dividing import divide_profile, smooth_points
+from garment_dataset.vision.depth.flat_field import ladder_per_m
+from garment_dataset.vision.depth.hold import agreed_m, follow_hold
+from garment_dataset.vision.depth.pattern import ASSUMED_PATTERN, fixed_pattern
+from garment_dataset.vision.depth.profile import Profile
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    FloatArray = NDArray[np.float64]
+
+GRIPPER_M = np.array([0.0, -0.3, 1.0])
+LADDER = ladder_per_m()
+
+
+def profile_of(y_m: FloatArray, z_m: FloatArray, piece: NDArray[np.int64] | None = None) -> Profile:
+    """Return a profile through nodes below the gripper."""
+    count = y_m.size
+    piece = np.zeros(count, np.int64) if piece is None else piece
+    z_m = z_m + GRIPPER_M[2]
+    y_m = y_m + GRIPPER_M[1]
+    return Profile(
+        y_m, z_m, piece, piece, z_m, z_m, z_m, float(y_m[-1]), ends_at_gap=False,
+        window_z_m=z_m[None], window_gain=z_m[None], window_pixels=piece[None],
+    )  # fmt: skip
+
+
+def test_a_straight_profile_has_its_points_in_the_middles_of_equal_segments() -> None:
+    y_m = np.linspace(0.012, 0.6, 300)
+    divided_m = divide_profile(profile_of(y_m, 0 * y_m), GRIPPER_M, 0.0, 5, held=True)
+    np.testing.assert_allclose(divided_m[:5], [0.06, 0.18, 0.3, 0.42, 0.54], atol=1e-9)
+    np.testing.assert_allclose(divided_m[5:10], 0, atol=1e-9)
+    assert divided_m[10] == pytest.approx(0.6)
+
+
+def test_a_jump_counts_by_the_straight_way_between_its_ends() -> None:
+    """3 cm down and 4 cm away are 5 cm, not 7."""
+    y_m = np.concatenate([np.linspace(0.01, 0.2, 50), np.linspace(0.23, 0.43, 50)])
+    z_m, piece = np.repeat([0.0, -0.04], 50), np.repeat([0, 1], 50)
+    assert divide_profile(profile_of(y_m, z_m, piece), GRIPPER_M, 0.0, 5, held=True)[10] == pytest.approx(0.45)
+
+
+def test_the_way_begins_at_the_gripper_leads_past_it_or_begins_on_the_cloth() -> None:
+    y_m = np.linspace(0.01, 0.5, 200)
+    profile = profile_of(y_m, 0 * y_m + 0.005)
+    straight, past, apart = (
+        divide_profile(profile, GRIPPER_M, top_m, 5, held=held)[10]
+        for top_m, held in ((0.0, True), (0.005, True), (0.005, False))
+    )
+    assert straight == pytest.approx(0.49 + np.hypot(0.01, 0.005))
+    assert past == pytest.approx(0.505)
+    assert apart == pytest.approx(0.5)
+
+
+def test_points_of_a_swinging_cloth_keep_their_parabolas_and_lose_their_noise() -> None:
+    time_s: FloatArray = 0.033 * np.arange(60, dtype=np.float64)
+    rng = np.random.default_rng(2)
+    true_m = 0.1 + 0.05 * time_s[:, None] ** 2 + np.zeros((60, 11))
+    noise_m = rng.normal(0, 0.001, true_m.shape)
+    y_m, z_m, length_m = smooth_points(time_s, true_m, (5, 9, 13))
+    np.testing.assert_allclose(np.column_stack([y_m, z_m, length_m]), true_m, atol=1e-9)
+    noisy = np.column_stack(smooth_points(time_s, true_m + noise_m, (5, 9, 13)))
+    assert (noisy - true_m).std() < 0.6 * noise_m.std()
+
+
+def held(curve_m: FloatArray, y_m: FloatArray) -> FloatArray:
+    profiles = [profile_of(y_m, curve_m) for _ in range(12)]
+    hold = follow_hold(profiles, np.tile(GRIPPER_M, (12, 1)), 0.033 * np.arange(12.0), over_time=True)
+    assert hold.held.all()
+    np.testing.assert_allclose(hold.distance_m, np.abs(hold.past_m))
+    return hold.past_m
+
+
+def test_a_bend_at_the_jaws_is_no_way_past_the_gripper() -> None:
+    """Cloth that hangs straight 5 mm away passes the end point so far; one that bends away from it does not.
+
+    A line through the first 4 cm of the arc would pass it by 1.5 mm.
+    """
+    y_m = np.linspace(0.012, 0.3, 155)
+    np.testing.assert_allclose(held(0 * y_m + 0.005, y_m), 0.005, atol=1e-9)
+    np.testing.assert_allclose(held(0.2 * y_m, y_m), 0, atol=1e-9)
+    assert np.abs(held(y_m**2 / 0.5, y_m)).max() < 1e-9
+    assert np.abs(held(0.3 * y_m - 3 * y_m**2, y_m)).max() < 1e-9
+
+
+def test_estimates_agree_on_the_least_of_them() -> None:
+    tops_m = np.array([[0.003, 0.001, 0.002], [-0.003, -0.002, -0.004], [0.003, -0.001, 0.002]])
+    np.testing.assert_allclose(agreed_m(tops_m), [0.001, -0.002, 0.0])
+
+
+def levels(inverse: FloatArray) -> NDArray[np.uint16]:
+    """Return the millimetres of the level nearest to inverse depths."""
+    mm = np.flatnonzero(LADDER)
+    rising = LADDER[mm][::-1]
+    nearest = np.clip(np.searchsorted((rising[1:] + rising[:-1]) / 2, inverse), 0, rising.size - 1)
+    return mm[::-1][nearest].astype(np.uint16)
+
+
+@pytest.mark.parametrize("strength", [0.0, 0.3])
+def test_the_pattern_is_what_the_halves_of_the_frames_share(strength: float) -> None:
+    """White in blocks of 10 x 10 pixels: each tells as much as one independent pixel."""
+    rng = np.random.default_rng(3)
+    blocks = np.kron(rng.standard_normal((48, 64)), np.ones((10, 10)))
+    exact = 1 / 1.8 + 2e-5 * np.arange(480)[:, None] + strength * LEVEL_SPACING_PER_M * blocks
+    frames = [levels(exact + rng.normal(0, 0.6 * LEVEL_SPACING_PER_M, exact.shape)) for _ in range(8)]
+    std, blob_px = fixed_pattern(frames, LADDER, beyond_m=1.4)
+    assert std / LEVEL_SPACING_PER_M == pytest.approx(strength, abs=0.03)
+    if strength:
+        assert blob_px == pytest.approx(100, rel=0.35)
+
+
+def test_without_a_smooth_wall_the_pattern_is_assumed() -> None:
+    near = [np.full((480, 640), 1000, np.uint16)] * 8
+    rough = [np.where(np.random.default_rng(1).random((480, 640)) < 0.5, 1794, 1823).astype(np.uint16)] * 8
+    for frames in (near, rough, near[:2]):
+        assert fixed_pattern(frames, LADDER, beyond_m=1.4).tolist() == ASSUMED_PATTERN.tolist()
