@@ -54,8 +54,9 @@ format: $(STAMP) ## Format the code
 	$(BIN)/ruff format .
 	$(BIN)/ruff check --fix .
 
-accuracy: $(STAMP) ## Simulate, build and score; rewrites the pages of accuracy in docs/ (some 15 minutes)
+accuracy: $(STAMP) ## Simulate, build and score; rewrites the pages of accuracy in docs/ (some 30 minutes)
 	$(BIN)/python benchmarks/accuracy.py
+	$(BIN)/python benchmarks/accuracy_nuisances.py
 	$(BIN)/python benchmarks/accuracy_color.py
 
 bench: $(STAMP) ## Run the side-by-side measurements

@@ -24,6 +24,7 @@ from garment_dataset.simulate.recording import simulate_recording
 from garment_dataset.stages.decode import DecodeParams, decode
 from garment_dataset.stages.depth_points import DepthPointsParams, depth_points
 from garment_dataset.stages.kinematics import KinematicsParams, kinematics
+from garment_dataset.stages.sensor import SensorParams, sensor
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
@@ -111,10 +112,10 @@ def errors_of(recording: Recording, cache: Path, methods: Sequence[Method]) -> l
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")
         tables = decode(bag, DecodeParams())
+        given = tables["frames"], tables["camera"], tables["gripper"]
+        known = sensor(bag, *given, SensorParams())["sensor"]
         for method in methods:
-            points = depth_points(
-                bag, tables["frames"], tables["camera"], tables["gripper"], DepthPointsParams(**method.points)
-            )["points"]
+            points = depth_points(bag, *given, DepthPointsParams(**method.points), known)["points"]
             moving = kinematics(points, tables["gripper"], KinematicsParams(**method.motion))["kinematics"]
             frames = points.to_pandas(), moving.to_pandas()
             own: Errors = {line: point_errors(*frames, truth, line) for line in LINES}

@@ -45,6 +45,8 @@ class GripperTrack:
         In the camera's optical frame, metres; NaN where there is no answer.
     std_m : (N, 3) float64
         Standard uncertainties of the three, metres; NaN where there is no answer, or nothing bounds the interpolation.
+    apart_m : (N, 3) float64
+        Where the other source says it is, less that; NaN where only one has an answer.
     quaternion_xyzw : (N, 4) float64
         Rotation that takes coordinates in the gripper's frame to the camera's, of unit norm and without changes of
         sign along the recording; NaN where none is known.
@@ -62,6 +64,7 @@ class GripperTrack:
     y_m: NDArray[np.float64]
     z_m: NDArray[np.float64]
     std_m: NDArray[np.float64]
+    apart_m: NDArray[np.float64]
     quaternion_xyzw: NDArray[np.float64]
     source: tuple[str | None, ...]
     gap_ns: tuple[int | None, ...]
@@ -192,6 +195,9 @@ def _track(rows: Sequence[Mapping[str, Answer | NoAnswer]], std_floor_m: float) 
     nowhere = np.full(3, np.nan)
     positions_m = np.array([nowhere if each is None else each.position_m for _, each in firsts]).reshape(-1, 3)
     bounds_m = np.array([nowhere if each is None else each.bound_m for _, each in firsts]).reshape(-1, 3)
+    apart_m = [
+        nowhere if len(row) < 2 else np.subtract(*[each.position_m for each in row.values()][::-1]) for row in known
+    ]
     turns = [next((each.quaternion_xyzw for each in row.values() if each.quaternion_xyzw), None) for row in known]
     x_m, y_m, z_m = positions_m.T
     return GripperTrack(
@@ -199,6 +205,7 @@ def _track(rows: Sequence[Mapping[str, Answer | NoAnswer]], std_floor_m: float) 
         y_m=y_m,
         z_m=z_m,
         std_m=standard_uncertainty_m(bounds_m, std_floor_m),
+        apart_m=np.array(apart_m).reshape(-1, 3),
         quaternion_xyzw=np.array([turn or (np.nan,) * 4 for turn in without_flips(turns)]).reshape(-1, 4),
         source=tuple(name for name, _ in firsts),
         gap_ns=tuple(None if each is None else each.gap_ns for _, each in firsts),

@@ -125,8 +125,8 @@ DEPTH_DRAWS: Mapping[str, Callable[[np.random.Generator], object]] = {
     "depth_bias_m": lambda rng: float(rng.normal(0.0, 0.002)),
     # up to 1.8 mm per kelvin (Fiedler and Mueller, 2013), of which 8 s see little
     "depth_drift_m_s": lambda rng: float(rng.normal(0.0, 5e-5)),
-    # half a correlation window of up to 9 px (Scharstein and Szeliski, 2002)
-    "depth_fattening_px": lambda rng: float(rng.uniform(0.3, 3.0)),
+    # by less than half a correlation window of 9 px (Scharstein and Szeliski, 2002): real edges are ragged by 2 px
+    "depth_fattening_px": lambda rng: float(rng.uniform(0.0, 2.0)),
     # left edges without gap: 15 to 51 %; missing within 1.5 px: 18 to 47 %
     "depth_edge_holes": lambda rng: float(rng.uniform(0.5, 3.0)),
     # noise and gaps grow steeply from 60 to 80 degrees (Nguyen, Izadi and Lovell, 2012)

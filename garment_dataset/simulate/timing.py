@@ -38,11 +38,14 @@ class FrameTimes:
         Header stamps and record times.
     time_s : ndarray, shape (N,)
         When the frames were seen, in seconds since the recording began: what the header stamps say, if these are right.
+    stamp_s : ndarray, shape (N,)
+        What the header stamps say, likewise.
     """
 
     stamp_ns: NDArray[np.int64]
     record_ns: NDArray[np.int64]
     time_s: NDArray[np.float64]
+    stamp_s: NDArray[np.float64]
 
 
 def start_ns(seed: int) -> int:
@@ -105,7 +108,7 @@ def _stream(
         stamp = np.maximum.accumulate(stamp + np.rint(off_s * 1e9).astype(np.int64))
     record = begin_ns + np.rint(recorded_s[kept] * 1e9).astype(np.int64)
     record = np.maximum.accumulate(record)
-    return FrameTimes(stamp[:limit], record[:limit], seen_s[:limit])
+    return FrameTimes(stamp[:limit], record[:limit], seen_s[:limit], ((stamp - begin_ns) / 1e9)[:limit])
 
 
 def ticks(begin_ns: int, duration_s: float, rate_hz: float, offset_s: float) -> NDArray[np.int64]:

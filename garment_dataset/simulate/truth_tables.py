@@ -115,7 +115,7 @@ def color_row(index: int, stamp_ns: int, time_s: float, frame: ColorFrame, view:
 
 def write_points(path: Path, times: FrameTimes, view: GarmentView) -> None:
     """Write ``points.parquet``: per depth frame and point the surface, the material and the gripper."""
-    frames = zip(times.stamp_ns.tolist(), times.time_s.tolist(), strict=True)
+    frames = zip(times.stamp_ns.tolist(), times.stamp_s.tolist(), strict=True)
     rows = [point_rows(index, stamp, time_s, view) for index, (stamp, time_s) in enumerate(frames)]
     columns = {column.name: np.concatenate([row[column.name] for row in rows]) for column in POINT_COLUMNS}
     _write(path, POINT_COLUMNS, columns, "one point of one depth frame")

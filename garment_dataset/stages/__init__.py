@@ -26,6 +26,7 @@ __all__ = [
 
 STAGES = (
     "decode",
+    "sensor",
     "depth_points",
     "kinematics",
     "motion",

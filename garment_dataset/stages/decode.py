@@ -54,7 +54,7 @@ _TURN = "unit quaternion from the gripper's frame to the stream's optical frame"
 
 GRIPPER = TableSpec(
     "gripper",
-    3,
+    4,
     "one usable image of either stream",
     (
         Column("stream", "string", "", "depth or color: whose image, and in whose optical frame the point is"),
@@ -66,6 +66,10 @@ GRIPPER = TableSpec(
         Column("x_std_m", "float64", "m", "standard uncertainty of x: interpolation and floor", nullable=True),
         Column("y_std_m", "float64", "m", "standard uncertainty of y: interpolation and floor", nullable=True),
         Column("z_std_m", "float64", "m", "standard uncertainty of z: interpolation and floor", nullable=True),
+        *(
+            Column(f"apart_{axis}_m", "float64", "m", f"{axis} by the source not used, less {axis}", nullable=True)
+            for axis in "xyz"
+        ),
         Column("qx", "float64", "1", f"{_TURN}, x; it never flips its sign", nullable=True),
         Column("qy", "float64", "1", f"{_TURN}, y", nullable=True),
         Column("qz", "float64", "1", f"{_TURN}, z", nullable=True),
@@ -310,6 +314,7 @@ def _read_gripper(stream: Stream, usable: list[Row], transforms: RecordedTransfo
     )
     columns |= {name: getattr(track, name).tolist() for name in ("x_m", "y_m", "z_m")}
     columns |= {f"{axis}_std_m": track.std_m[:, place].tolist() for place, axis in enumerate("xyz")}
+    columns |= {f"apart_{axis}_m": track.apart_m[:, place].tolist() for place, axis in enumerate("xyz")}
     columns |= {f"q{axis}": track.quaternion_xyzw[:, place].tolist() for place, axis in enumerate("xyzw")}
     return columns | {name: list(getattr(track, name)) for name in ("source", "gap_ns", "reason")}
 

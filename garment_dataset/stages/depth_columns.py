@@ -48,7 +48,9 @@ def chain_columns(stamps_ns: Mapping[int, int], traces: Mapping[int, Trace]) -> 
     }
 
 
-def point_columns(stamps_ns: Mapping[int, int], traces: Mapping[int, Trace], point_count: int) -> dict[str, Any]:
+def point_columns(
+    stamps_ns: Mapping[int, int], traces: Mapping[int, Trace], point_count: int, common_std_m: float
+) -> dict[str, Any]:
     """Return ``point_count`` rows for every frame, null where there is no point.
 
     Parameters
@@ -59,8 +61,10 @@ def point_columns(stamps_ns: Mapping[int, int], traces: Mapping[int, Trace], poi
         What the frames show.
     point_count : int
         Points on the garment.
+    common_std_m : float
+        Standard uncertainty, at 1 m, of an error common to all depths.
     """
-    position_m, std_m, material_m = np.full((3, 3, len(traces), point_count), np.nan)
+    position_m, std_m, fixed_std_m, material_m = np.full((4, 3, len(traces), point_count), np.nan)
     arc_length_m, garment_length_m, bridged_m = np.full((3, len(traces), point_count), np.nan)
     pixels = np.zeros((len(traces), point_count), np.int64)
     reasons: list[str | None] = []
@@ -70,7 +74,7 @@ def point_columns(stamps_ns: Mapping[int, int], traces: Mapping[int, Trace], poi
             reasons.extend([trace.reason] * point_count)
             continue
         reasons.extend(points.reasons)
-        position_m[:, row], std_m[:, row] = points.position_m, points.std_m
+        position_m[:, row], std_m[:, row], fixed_std_m[:, row] = points.position_m, points.std_m, points.fixed_std_m
         arc_length_m[row], bridged_m[row], pixels[row] = points.arc_length_m, points.bridged_m, points.pixels
         if trace.length_reason is None:
             garment_length_m[row] = trace.chain.length_m
@@ -79,12 +83,14 @@ def point_columns(stamps_ns: Mapping[int, int], traces: Mapping[int, Trace], poi
     length_reasons = [None if trace.points is None else trace.length_reason for trace in traces.values()]
     axes = {f"{axis}_m": values.ravel() for axis, values in zip("xyz", position_m, strict=True)}
     axes |= {f"{axis}_std_m": values.ravel() for axis, values in zip("xyz", std_m, strict=True)}
+    axes |= {f"{axis}_fixed_m": values.ravel() for axis, values in zip("xyz", fixed_std_m, strict=True)}
     axes |= {f"material_{axis}_m": values.ravel() for axis, values in zip("xyz", material_m, strict=True)}
     return {
         "frame": np.repeat(np.array(list(traces), np.int64), point_count),
         "stamp_ns": np.repeat(np.array([stamps_ns[frame] for frame in traces], np.int64), point_count),
         "point": np.tile(np.arange(1, point_count + 1), len(traces)),
         **axes,
+        "z_common_m": common_std_m * axes["z_m"] ** 2,
         "arc_length_m": arc_length_m.ravel(),
         "garment_length_m": garment_length_m.ravel(),
         "length_reason": [reason for reason in length_reasons for _ in range(point_count)],

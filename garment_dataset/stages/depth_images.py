@@ -5,9 +5,13 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from garment_dataset.errors import BagError
 from garment_dataset.stages.inputs import usable_images
 from garment_dataset.vision.depth.cloud import Intrinsics
+from garment_dataset.vision.depth.sensor_noise import FixedPattern
+from garment_dataset.vision.depth.trace import KnownSensor
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -42,3 +46,16 @@ def depth_camera(bag: Path, camera: pa.Table) -> tuple[tuple[int, int], Intrinsi
             intrinsics = Intrinsics(row["fx_px"], row["fy_px"], row["cx_px"], row["cy_px"])
             return (row["height_px"], row["width_px"]), intrinsics
     raise BagError("no camera for the depth images", where=bag.name)
+
+
+def known_sensor(sensor: pa.Table | None) -> KnownSensor:
+    """Return what the table of the stage ``sensor`` says; without it, what is usual."""
+    rows = [] if sensor is None else sensor.to_pylist()
+    if not rows:
+        return KnownSensor()
+    (row,) = rows
+    pattern = None
+    if row["pattern_pixels"] is not None:
+        pattern = FixedPattern(np.array(row["pattern_pixels"]), np.array(row["pattern_per_m"]))
+    x_m, y_m, z_m = (row[f"gripper_{axis}_error_m"] or 0.0 for axis in "xyz")
+    return KnownSensor(pattern, row["noise_correlation"] or 0.0, (x_m, y_m, z_m))

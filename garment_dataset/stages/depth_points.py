@@ -62,6 +62,24 @@ POINTS = TableSpec(
         Column("x_std_m", "float64", "m", "standard uncertainty of x", nullable=True),
         Column("y_std_m", "float64", "m", "standard uncertainty of y", nullable=True),
         Column("z_std_m", "float64", "m", "standard uncertainty of z", nullable=True),
+        Column(
+            "z_common_m",
+            "float64",
+            "m",
+            "standard uncertainty of an error of z that all points and frames share, which no recording shows: the "
+            "sensor's calibration. Not in z_std_m",
+            nullable=True,
+        ),
+        *(
+            Column(
+                f"{axis}_fixed_m",
+                "float64",
+                "m",
+                f"the part of {axis}_std_m that stays as it is as long as the cloth does not move",
+                nullable=True,
+            )
+            for axis in "xyz"
+        ),
         *(
             Column(
                 f"material_{axis}_m",
@@ -179,6 +197,13 @@ class DepthPointsParams(StageParams):
         default=0.0005, ge=0, description="profile: standard uncertainty of the end point's coordinates: interpolation"
     )
 
+    common_std_m: float = Field(
+        default=0.002,
+        ge=0,
+        description="standard uncertainty of an error common to all depths, at 1 m; it grows with the square of the "
+        "distance: such sensors are off by some millimetres there unless calibrated (Smisek et al., 2011)",
+    )
+
     def window_settings(self) -> WindowSettings:
         """Return the knobs of the thesis' method."""
         from garment_dataset.vision.depth.settings import WindowSettings
@@ -222,7 +247,12 @@ class DepthPointsParams(StageParams):
 
 
 def depth_points(
-    bag: Path, frames: pa.Table, camera: pa.Table, gripper: pa.Table, params: DepthPointsParams
+    bag: Path,
+    frames: pa.Table,
+    camera: pa.Table,
+    gripper: pa.Table,
+    params: DepthPointsParams,
+    sensor: pa.Table | None = None,
 ) -> dict[str, pa.Table]:
     """Trace the garment in every usable depth frame.
 
@@ -234,6 +264,8 @@ def depth_points(
         As ``decode`` made them; rows are matched by the index of the image.
     params : DepthPointsParams
         See there.
+    sensor : pyarrow.Table, optional
+        As the stage of that name made it; without it the sensor is taken to err as real ones usually do.
 
     Returns
     -------
@@ -253,7 +285,7 @@ def depth_points(
     """
     from garment_dataset.bags import open_bag
     from garment_dataset.stages.depth_columns import chain_columns, point_columns
-    from garment_dataset.stages.depth_images import DepthImages, depth_camera
+    from garment_dataset.stages.depth_images import DepthImages, depth_camera, known_sensor
     from garment_dataset.vision.depth.trace import Trace, trace_profiles, trace_windows
 
     stamps_ns = usable_stamps_ns(frames, "depth")
@@ -272,11 +304,12 @@ def depth_points(
                         else trace_windows(depth_mm, intrinsics, grippers_m.get(frame), windows)
                     )
             else:
-                traces = trace_profiles(images, stamps_ns, intrinsics, grippers_m, params.track_settings())
+                settings, known = params.track_settings(), known_sensor(sensor)
+                traces = trace_profiles(images, stamps_ns, intrinsics, grippers_m, settings, known)
     _warn_of_gaps(bag.name, traces)
     return {
         "chains": CHAINS.table(chain_columns(stamps_ns, traces)),
-        "points": POINTS.table(point_columns(stamps_ns, traces, params.point_count)),
+        "points": POINTS.table(point_columns(stamps_ns, traces, params.point_count, params.common_std_m)),
     }
 
 

@@ -130,6 +130,7 @@ class _Tracks:
     stamp_ns: IntArray  # (T,)
     position_m: FloatArray  # (T, P, 3)
     std_m: FloatArray  # (T, P, 3)
+    fixed_m: FloatArray  # (T, P, 3), the part of it that stays as it is while a point does
     pixels: FloatArray  # (T, P)
     bridged_m: FloatArray  # (T, P)
     reasons: list[list[str | None]]  # T lists of P
@@ -207,7 +208,8 @@ def _tracks(points: pa.Table, gripper: pa.Table) -> _Tracks:
             values[row, point] = points[name].to_numpy()
         return values
 
-    position_m, std_m = (np.stack([placed(f"{axis}{end}") for axis in "xyz"], axis=-1) for end in ("_m", "_std_m"))
+    ends = ("_m", "_std_m", "_fixed_m")
+    position_m, std_m, fixed_m = (np.stack([placed(f"{axis}{end}") for axis in "xyz"], axis=-1) for end in ends)
     reasons: list[list[str | None]] = [["no_gripper"] + [None] * (shape[1] - 1) for _ in frame]
     for index, number, reason in zip(row, point, points["reason"].to_pylist(), strict=True):
         reasons[index][number] = reason
@@ -218,7 +220,14 @@ def _tracks(points: pa.Table, gripper: pa.Table) -> _Tracks:
             position_m[index, 0], std_m[index, 0] = (_triple(held, end) for end in ("_m", "_std_m"))
             reasons[index][0] = held["reason"]
     return _Tracks(
-        frame, points["stamp_ns"].to_numpy()[first], position_m, std_m, placed("pixels"), placed("bridged_m"), reasons
+        frame,
+        points["stamp_ns"].to_numpy()[first],
+        position_m,
+        std_m,
+        fixed_m,
+        placed("pixels"),
+        placed("bridged_m"),
+        reasons,
     )
 
 
@@ -242,7 +251,9 @@ def _since_onset(tracks: _Tracks, kept: IntArray, onset: Onset | OnsetReason) ->
         stamp_ns = tracks.stamp_ns[kept]
         time_s = _spread((stamp_ns - onset.stamp_ns) / 1e9, kept, frames)
         time_std_s = np.where(np.isnan(time_s), np.nan, onset.std_s)
-        moved = displacement(tracks.position_m[kept], tracks.std_m[kept], stamp_ns < onset.stamp_ns)
+        moved = displacement(
+            tracks.position_m[kept], tracks.std_m[kept], stamp_ns < onset.stamp_ns, tracks.fixed_m[kept]
+        )
         moved_m, moved_std_m = (_spread(values, kept, frames) for values in moved)
     reason = onset if isinstance(onset, str) else "stamp"
     return {
@@ -257,16 +268,20 @@ def _derivatives(tracks: _Tracks, kept: IntArray, params: KinematicsParams) -> d
     """Return the columns of velocity and acceleration."""
     import numpy as np
 
-    from garment_dataset.vision.kinematics import differences, local_polynomial
+    from garment_dataset.vision.kinematics import Derivatives, differences, local_polynomial, with_fixed_errors
 
-    given = tracks.stamp_ns[kept], tracks.position_m[kept], tracks.std_m[kept]
+    fixed_m = np.nan_to_num(tracks.fixed_m[kept])
+    varying_m = np.sqrt(np.maximum(tracks.std_m[kept] ** 2 - fixed_m**2, 0))
+    given = tracks.stamp_ns[kept], tracks.position_m[kept], varying_m
     velocity_stamp_ns = tracks.stamp_ns.copy()
     if params.velocity_method == "thesis":
         velocity_stamp_ns[kept], *velocity = differences(*given)
-        acceleration = [np.full_like(given[1], np.nan)] * 2
+        nothing = np.full_like(given[1], np.nan)
+        found = Derivatives(velocity[0], velocity[1], nothing, nothing)
     else:
         found = local_polynomial(*given, frames=params.polynomial_frames, degree=params.polynomial_degree)
-        velocity, acceleration = [*found[:2]], [*found[2:]]
+    found = with_fixed_errors(found, fixed_m)
+    velocity, acceleration = [*found[:2]], [*found[2:]]
     frames, count = tracks.position_m.shape[:2]
     velocity, acceleration = ([_spread(values, kept, frames) for values in pair] for pair in (velocity, acceleration))
     unknown = np.isnan(velocity[0].sum(axis=2)).ravel()

@@ -19,6 +19,10 @@ MEDIAN_STD = 1.2533
 """Standard deviation of a median over that of a mean, of many normal values: sqrt(pi / 2)."""
 
 
+FIXED_REACH_M = 0.05
+"""Way over which errors that are fixed in the image change: half a window of 20 px at 1 m, 4 cm, and the pattern."""
+
+
 def increasing(stamp_ns: IntArray) -> BoolArray:
     """Say which stamps to keep so that they rise: as many as can be, of two that exclude each other the first.
 
@@ -48,8 +52,10 @@ def increasing(stamp_ns: IntArray) -> BoolArray:
     return kept
 
 
-def displacement(position_m: FloatArray, std_m: FloatArray, at_rest: BoolArray) -> tuple[FloatArray, FloatArray]:
-    """Subtract the rest position: the median of the frames at rest.
+def displacement(
+    position_m: FloatArray, std_m: FloatArray, at_rest: BoolArray, fixed_m: FloatArray | None = None
+) -> tuple[FloatArray, FloatArray]:
+    r"""Subtract the rest position: the median of the frames at rest.
 
     Parameters
     ----------
@@ -57,6 +63,8 @@ def displacement(position_m: FloatArray, std_m: FloatArray, at_rest: BoolArray) 
         Positions and their standard uncertainties; an uncertainty of NaN means unknown.
     at_rest : (T,) bool
         Frames before the onset.
+    fixed_m : (T, P, 3) float64, optional
+        The part of the uncertainties that stays as it is as long as a point does not move; by default none.
 
     Returns
     -------
@@ -65,17 +73,50 @@ def displacement(position_m: FloatArray, std_m: FloatArray, at_rest: BoolArray) 
 
     Notes
     -----
-    Errors are taken as independent from frame to frame. Those that are fixed in the image cancel in part, so the
-    standard uncertainty is rather too large.
+    The rest is taken as independent from frame to frame. Fixed errors cancel while a point is where it was at rest;
+    their correlation with those at rest falls with the way d as :math:`\exp(-d^2 / 2 L^2)`, L being
+    :data:`FIXED_REACH_M`.
     """
-    rest_m, rest_std_m = np.full(position_m.shape[1:], np.nan), np.full(position_m.shape[1:], np.nan)
+    rest_m, rest_std_m, rest_fixed_m = (np.full(position_m.shape[1:], np.nan) for _ in range(3))
+    fixed_m = np.zeros_like(std_m) if fixed_m is None else np.where(np.isfinite(fixed_m), fixed_m, 0.0)
+    varying_m = np.sqrt(np.maximum(std_m**2 - fixed_m**2, 0))
     seen = _found(position_m) & at_rest[:, None]
     for point in np.flatnonzero(seen.any(axis=0)):
         frames = np.flatnonzero(seen[:, point])
         rest_m[point] = np.median(position_m[frames, point], axis=0)
-        mean_variance = (std_m[frames, point] ** 2).mean(axis=0) / frames.size
+        mean_variance = (varying_m[frames, point] ** 2).mean(axis=0) / frames.size
         rest_std_m[point] = np.sqrt(mean_variance) * (MEDIAN_STD if frames.size > 2 else 1)
-    return position_m - rest_m, np.hypot(std_m, rest_std_m)
+        rest_fixed_m[point] = np.sqrt((fixed_m[frames, point] ** 2).mean(axis=0))
+    moved_m = position_m - rest_m
+    common = np.exp(-(moved_m**2).sum(axis=2, keepdims=True) / (2 * FIXED_REACH_M**2))
+    changed_m2 = fixed_m**2 + rest_fixed_m**2 - 2 * common * fixed_m * rest_fixed_m
+    return moved_m, np.sqrt(varying_m**2 + rest_std_m**2 + np.maximum(changed_m2, 0))
+
+
+def with_fixed_errors(derivatives: Derivatives, fixed_m: FloatArray) -> Derivatives:
+    """Return derivatives with what fixed errors of positions add to their uncertainties as the points move.
+
+    Parameters
+    ----------
+    derivatives : Derivatives
+        With the uncertainties from what varies from frame to frame.
+    fixed_m : (T, P, 3) float64
+        Standard uncertainty of positions by errors fixed in the image; NaN: unknown, and taken as 0.
+
+    Notes
+    -----
+    An error that changes over the way L, :data:`FIXED_REACH_M`, and is met at the speed v, has derivatives of the order
+    of v / L and (v / L)² of it.
+    """
+    velocity_m_s, velocity_std_m_s, acceleration_m_s2, acceleration_std_m_s2 = derivatives
+    fixed_m = np.where(np.isfinite(fixed_m), fixed_m, 0.0)
+    rate_1_s = np.sqrt((velocity_m_s**2).sum(axis=2, keepdims=True)) / FIXED_REACH_M
+    return Derivatives(
+        velocity_m_s,
+        np.hypot(velocity_std_m_s, fixed_m * rate_1_s),
+        acceleration_m_s2,
+        np.hypot(acceleration_std_m_s2, fixed_m * rate_1_s**2),
+    )
 
 
 def differences(
@@ -155,14 +196,57 @@ def local_polynomial(
     others_std_m = np.where(weight[:, :, None], std_m[others], 0)
     scatter_m2 = _scatter_m2(elapsed_s, weight, away_m, degree)
 
+    curved = _curvature_missed(stamp_ns, position_m, frames, degree)
     derivatives = Derivatives(*(np.full_like(position_m, np.nan) for _ in range(4)))
     for order in range(1, min(degree, 2) + 1):
         coefficients = _coefficients(elapsed_s, weight.astype(np.float64), degree, order)[:, :, None]
         stated = ((coefficients * others_std_m) ** 2).sum(axis=1)
         seen = (coefficients**2).sum(axis=1) * scatter_m2
         derivatives[2 * order - 2][frame, point] = (coefficients * away_m).sum(axis=1)
-        derivatives[2 * order - 1][frame, point] = np.sqrt(np.maximum(stated, seen))
+        derivatives[2 * order - 1][frame, point] = np.sqrt(np.maximum(stated, seen) + curved[order - 1][frame, point])
     return derivatives
+
+
+def _curvature_missed(
+    stamp_ns: IntArray, position_m: FloatArray, frames: int, degree: int
+) -> tuple[FloatArray, FloatArray]:
+    """Return the mean square by which first and second derivatives change in fits of two thirds of the length."""
+    shorter = 2 * (frames // 3) + 1
+    nothing = np.zeros_like(position_m)
+    if shorter <= degree + 1 or shorter == frames:
+        return nothing, nothing
+    found = [_derivatives(stamp_ns, position_m, length, degree) for length in (frames, shorter)]
+    first, second = (
+        _running_mean(np.nan_to_num((one - other) ** 2), frames) for one, other in zip(*found, strict=True)
+    )
+    return first, second
+
+
+def _derivatives(stamp_ns: IntArray, position_m: FloatArray, frames: int, degree: int) -> tuple[FloatArray, FloatArray]:
+    """Return both derivatives of the fitted polynomials, (T, P, 3); NaN where they cannot be had."""
+    found = _found(position_m)
+    first = np.clip(np.arange(stamp_ns.size) - frames // 2, 0, max(stamp_ns.size - frames, 0))
+    neighbour = first[:, None] + np.arange(min(frames, stamp_ns.size))
+    used = found[neighbour]
+    frame, point = np.nonzero(found & (used.sum(axis=1) > degree))
+    weight = used[frame, :, point]
+    elapsed_s = ((stamp_ns[neighbour] - stamp_ns[:, None]) / 1e9)[frame]
+    away_m = position_m[neighbour[frame], point[:, None]] - position_m[frame, point][:, None, :]
+    away_m = np.where(weight[:, :, None], away_m, 0)
+    both = np.full((2, *position_m.shape), np.nan)
+    for order in range(1, min(degree, 2) + 1):
+        coefficients = _coefficients(elapsed_s, weight.astype(np.float64), degree, order)[:, :, None]
+        both[order - 1][frame, point] = (coefficients * away_m).sum(axis=1)
+    return both[0], both[1]
+
+
+def _running_mean(values: FloatArray, frames: int) -> FloatArray:
+    """Return means over so many frames around each, along the first axis; fewer at the ends."""
+    sums = np.concatenate([np.zeros((1, *values.shape[1:])), values.cumsum(axis=0)])
+    last = np.minimum(np.arange(values.shape[0]) + frames // 2 + 1, values.shape[0])
+    first = np.maximum(np.arange(values.shape[0]) - frames // 2, 0)
+    mean: FloatArray = (sums[last] - sums[first]) / (last - first).reshape(-1, *(1,) * (values.ndim - 1))
+    return mean
 
 
 def _coefficients(elapsed_s: FloatArray, weight: FloatArray, degree: int, order: int) -> FloatArray:

@@ -17,13 +17,14 @@ from garment_dataset.stages.stage import IDENTITY
 SHIPPED: list[Stage] = [importlib.import_module(f"garment_dataset.stages.{name}").STAGE for name in STAGES]
 SPECS = [output for stage in SHIPPED for output in stage.outputs]
 LABELS = [Label(column, value) for column, value in zip(IDENTITY, ("A_B_0.5_R1", "R", 0.5, None, None), strict=True)]
-UNITS = {"m", "mm", "s", "ns", "px", "px2", "rad", "m/s", "m/s2", "rad/s", "kg", "byte", "1", "", "level"}
+UNITS = {"m", "mm", "s", "ns", "px", "px2", "rad", "m/s", "m/s2", "rad/s", "kg", "byte", "1", "", "level", "1/m"}
 SUFFIXES = {
     **{f"_{unit}": unit for unit in ("ns", "px", "px2", "rad", "mm", "kg")},
     "_m_s": "m/s",
     "_m_s2": "m/s2",
     "_rad_s": "rad/s",
     "_bytes": "byte",
+    "_per_m": "1/m",
 }
 
 SPEC = TableSpec(
@@ -51,7 +52,7 @@ def test_every_column_has_a_unit_and_a_description(spec: TableSpec) -> None:
 @pytest.mark.parametrize("spec", SPECS, ids=lambda spec: spec.name)
 def test_names_agree_with_units(spec: TableSpec) -> None:
     for column in spec.columns:
-        suffix = re.search(r"(_m_s2|_m_s|_rad_s|_ns|_px|_px2|_rad|_bytes|_mm|_kg|_m|_s)$", column.name)
+        suffix = re.search(r"(_per_m|_m_s2|_m_s|_rad_s|_ns|_px|_px2|_rad|_bytes|_mm|_kg|_m|_s)$", column.name)
         if suffix is not None:
             expected = {**SUFFIXES, "_m": "m", "_s": "s"}[suffix[1]]
             assert column.unit == expected, column.name

@@ -82,6 +82,7 @@ def judge_points(
         points,
         position_m=np.where(none, np.nan, points.position_m),
         std_m=np.where(none, np.nan, points.std_m),
+        fixed_std_m=np.where(none, np.nan, points.fixed_std_m),
         arc_length_m=np.where(none, np.nan, arc_m),
         pixels=pixels * ~none,
         bridged_m=np.where(none, np.nan, bridged_m),

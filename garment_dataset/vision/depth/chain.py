@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from garment_dataset.vision.depth.cloud import z_std_m
+from garment_dataset.vision.depth.cloud import COLUMN_BAND_LEVELS, level_spacing_m, z_std_m
 from garment_dataset.vision.depth.support import BridgeLimits, Support, bridge_gaps
 
 if TYPE_CHECKING:
@@ -87,6 +87,8 @@ class ChainPoints:
     ----------
     position_m, std_m : (3, r) float64
         Where the points are, and the standard uncertainty of that.
+    fixed_std_m : (3, r) float64
+        The part of it that stays as it is as long as the cloth does not move.
     arc_length_m : (r,) float64
         Where they are along the chain.
     pixels : (r,) int64
@@ -99,6 +101,7 @@ class ChainPoints:
 
     position_m: FloatArray
     std_m: FloatArray
+    fixed_std_m: FloatArray
     arc_length_m: FloatArray
     pixels: IntArray
     bridged_m: FloatArray
@@ -217,12 +220,14 @@ def divide_chain(
 
     focal_px = np.array([[intrinsics.fx_px], [intrinsics.fy_px], [np.inf]])
     bridge_std_m = np.interp(arc_m, chain.arc_length_m, chain.support.std_m)
-    through_m = position_m / position_m[2] * np.hypot(z_std_m(position_m[2], pixels), bridge_std_m)
+    ray = position_m / position_m[2]
+    through_m = ray * np.hypot(z_std_m(position_m[2], pixels), bridge_std_m)
+    fixed_std_m = np.abs(ray) * COLUMN_BAND_LEVELS * level_spacing_m(position_m[2])
     across_m = position_m[2] / focal_px / np.sqrt(12)
     end_m = step_m + chain.position_m[2, -1] / intrinsics.fy_px
     along_m = np.hypot(share * end_m / np.sqrt(3), _uneven_excess_m(chain, share, 2 * round(window_m / step_m)))
     std_m = np.sqrt(through_m**2 + across_m**2 + (direction * along_m) ** 2)
-    return ChainPoints(position_m, std_m, arc_m, pixels, np.zeros(point_count), (None,) * point_count)
+    return ChainPoints(position_m, std_m, fixed_std_m, arc_m, pixels, np.zeros(point_count), (None,) * point_count)
 
 
 def _uneven_excess_m(chain: Chain, share: FloatArray, stride: int) -> FloatArray:

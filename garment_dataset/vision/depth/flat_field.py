@@ -12,7 +12,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from garment_dataset.vision.depth.backdrop import backdrop, static_inverse
 from garment_dataset.vision.depth.cloud import COLUMN_BAND_LEVELS, LEVEL_SPACING_PER_M
+from garment_dataset.vision.depth.sensor_noise import FixedPattern
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -37,7 +39,6 @@ White noise smoothed by a Gaussian of 3 px, as simulated, has 4 pi 3^2 px to a b
 
 _LEVELS = 1053
 _MIN_ON_LADDER = 0.99
-_PLANE_HALF_THICKNESS = 4 * LEVEL_SPACING_PER_M
 _MIN_COLUMNS = 150
 _MIN_ROWS = 20
 
@@ -113,30 +114,14 @@ def column_offsets(frames: Sequence[DepthImage], table: FloatArray, *, beyond_m:
     The mean over the columns and a linear trend cannot be told from the plane's own place and lean and are left out:
     an error common to all columns remains, as large as one band's over the square root of the number of bands.
     """
-    inverse = _static(frames, table, beyond_m)
-    seen = np.isfinite(inverse)
-    if not seen.any():
+    inverse = static_inverse(frames, table, beyond_m)
+    plane = backdrop(inverse)
+    if plane is None:
         return None
-    width = _PLANE_HALF_THICKNESS / 2
-    counts = np.bincount((inverse[seen] / width).astype(np.int64))
-    level = (counts[:-1] + counts[1:]).argmax() + 1 if counts.size > 1 else 1
-    plane = seen & (np.abs(np.where(seen, inverse, 0) - level * width) < _PLANE_HALF_THICKNESS)
     used = plane.sum(axis=0) >= _MIN_ROWS
     if used.sum() < _MIN_COLUMNS:
         return None
     return _offsets_from_plane(np.where(plane & used, inverse, np.nan), used)
-
-
-def _static(frames: Sequence[DepthImage], table: FloatArray, beyond_m: float) -> FloatArray:
-    """Return the mean inverse depth of the pixels that see something far in at least three quarters of the frames."""
-    total, count = np.zeros(frames[0].shape), np.zeros(frames[0].shape, np.int64)
-    far = min(max(int(1000 * beyond_m), 0), (1 << 16) - 1)
-    for frame in frames:
-        inverse = np.where(frame > far, table[frame], 0)
-        total += inverse
-        count += inverse > 0
-    often = count >= max(1.0, 0.75 * len(frames))
-    return np.where(often, total / np.maximum(count, 1), np.nan)
 
 
 def _offsets_from_plane(inverse: FloatArray, used: BoolArray) -> FloatArray | None:
@@ -161,12 +146,32 @@ def _offsets_from_plane(inverse: FloatArray, used: BoolArray) -> FloatArray | No
     column = np.flatnonzero(used).astype(np.float64)
     trend = np.polynomial.Polynomial.fit(column, offset[used], 1)
     result = np.zeros(offset.size)
-    result[used] = offset[used] - trend(column)
+    flat = np.where(inside, inverse - slope * rows, np.nan)
+    result[used] = _shared(flat[:, used], column) * (offset[used] - trend(column))
     return result
 
 
-def fixed_error_levels(offset_per_m: FloatArray | None, window_px: float, image_width_px: int) -> FloatArray:
-    r"""Return the standard deviation of the depth error that whole columns share, in level spacings.
+def _shared(flat: FloatArray, column: FloatArray) -> float:
+    """Return how much of the columns' means is the columns' own: the regression of one half of the rows on the other.
+
+    1 where the upper and the lower half of the plane agree on them, 0 where what they show is noise, or blobs.
+    """
+    order = np.cumsum(np.isfinite(flat), axis=0)
+    upper = order <= order[-1] / 2
+    halves = []
+    for half in (upper, ~upper):
+        count = np.maximum((np.isfinite(flat) & half).sum(axis=0), 1)
+        mean = np.where(np.isfinite(flat) & half, flat, 0.0).sum(axis=0) / count
+        halves.append(mean - np.polynomial.Polynomial.fit(column, mean, 1)(column))
+    both = float(np.mean(halves[0] * halves[1]))
+    whole = float(np.mean((halves[0] + halves[1]) ** 2)) / 4
+    return float(np.clip(both / whole, 0.0, 1.0)) if whole > 0 else 0.0
+
+
+def column_std_per_m(
+    offset_per_m: FloatArray | None, window_px: float, image_width_px: int, *, measured: bool
+) -> FloatArray:
+    r"""Return the standard deviation of the depth error that whole columns share, in inverse depth.
 
     Parameters
     ----------
@@ -176,6 +181,9 @@ def fixed_error_levels(offset_per_m: FloatArray | None, window_px: float, image_
         Width over which depth is averaged, where the columns are not corrected.
     image_width_px : int
         W.
+    measured : bool
+        Whether the offsets also tell how large the errors of columns are; otherwise they are taken to be as on real
+        cameras, 0.43 level spacings.
 
     Returns
     -------
@@ -184,7 +192,7 @@ def fixed_error_levels(offset_per_m: FloatArray | None, window_px: float, image_
 
     Notes
     -----
-    Bands of :math:`\sigma` = 0.43 level spacings were measured about the mean over the image, so their mean over n of N
+    Bands of :math:`\sigma` level spacings were measured about the mean over the image, so their mean over n of N
     bands has the variance :math:`\sigma^2 (1/n - 1/N)`, none when all are seen. It is left in columns that were
     corrected on n bands, and in those that were not, by the n bands in the window. The trend that was taken for the
     plane's adds :math:`\sigma^2 (u - \bar u)^2 / (n \operatorname{var} u)`. An error that all columns of the image
@@ -195,9 +203,19 @@ def fixed_error_levels(offset_per_m: FloatArray | None, window_px: float, image_
         return max(BAND_WIDTH_PX / max(columns, BAND_WIDTH_PX) - BAND_WIDTH_PX / image_width_px, 0.0)
 
     variance = np.full(image_width_px, of_mean(window_px))
-    if offset_per_m is not None:
-        seen = np.flatnonzero(offset_per_m)
+    usual_per_m = COLUMN_BAND_LEVELS * LEVEL_SPACING_PER_M
+    if offset_per_m is not None and (seen := np.flatnonzero(offset_per_m)).size:
         of_trend = BAND_WIDTH_PX / seen.size * (seen - seen.mean()) ** 2 / seen.var()
         variance[seen] = of_mean(seen.size) + of_trend
-    levels: FloatArray = COLUMN_BAND_LEVELS * np.sqrt(variance)
-    return levels
+        if measured:
+            usual_per_m = float(np.sqrt((offset_per_m[seen] ** 2).mean()))
+    elif offset_per_m is not None and measured:
+        usual_per_m = 0.0
+    std_per_m: FloatArray = usual_per_m * np.sqrt(variance)
+    return std_per_m
+
+
+def usual_pattern() -> FixedPattern:
+    """Return the fixed pattern, columns aside, of a sensor of which nothing is known: an OpenNI camera's."""
+    blobs = np.array([1.0, 4.0, 16.0, 64.0, 256.0])
+    return FixedPattern(FINE_PATTERN_BLOB_PX * blobs, FINE_PATTERN_LEVELS * LEVEL_SPACING_PER_M / np.sqrt(blobs))

@@ -10,7 +10,7 @@ import numpy as np
 from garment_dataset.vision.depth.carried import distance_m, judge_points, pixel_distance_m
 from garment_dataset.vision.depth.chain import divide_chain, link_samples
 from garment_dataset.vision.depth.cloud import select_pixels
-from garment_dataset.vision.depth.flat_field import column_offsets, fixed_error_levels, inverse_depth_table
+from garment_dataset.vision.depth.flat_field import column_offsets, column_std_per_m, inverse_depth_table, usual_pattern
 from garment_dataset.vision.depth.hem import doubt_hem
 from garment_dataset.vision.depth.material_line import divide_material_line, smooth_material_lines, trace_material_line
 from garment_dataset.vision.depth.pattern import fixed_pattern
@@ -18,7 +18,7 @@ from garment_dataset.vision.depth.profile import DepthScale, Profile, trace_prof
 from garment_dataset.vision.depth.samples import sample_windows
 from garment_dataset.vision.depth.support import BridgeLimits
 from garment_dataset.vision.depth.tracking import divide_track, track_profiles
-from garment_dataset.vision.depth.uncertainty import ErrorSources
+from garment_dataset.vision.depth.uncertainty import ErrorSources, noise_factor
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
     from garment_dataset.vision.depth.hem import LengthReason
     from garment_dataset.vision.depth.material_line import MaterialLine
+    from garment_dataset.vision.depth.sensor_noise import FixedPattern
     from garment_dataset.vision.depth.settings import TrackSettings, WindowSettings
 
 Reason = Literal[
@@ -79,6 +80,25 @@ class Trace:
     reason: Reason | None = None
     length_reason: LengthReason | None = None
     material_m: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class KnownSensor:
+    """What a recording says of its own errors.
+
+    Parameters
+    ----------
+    pattern : FixedPattern or None
+        What the sensor always adds; None: it shows none, and the usual one is taken.
+    noise_correlation : float
+        Of a pixel's noise with the next frame.
+    gripper_std_m : (x, y, z)
+        Standard uncertainty of the gripper's calibration.
+    """
+
+    pattern: FixedPattern | None = None
+    noise_correlation: float = 0.0
+    gripper_std_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
 
 def trace_windows(
@@ -144,6 +164,7 @@ def trace_profiles(
     intrinsics: Intrinsics,
     grippers_m: Mapping[int, Point],
     settings: TrackSettings,
+    known: KnownSensor | None = None,
 ) -> dict[int, Trace]:
     """Trace the profile in every image, smooth the profiles over time, and divide them.
 
@@ -160,8 +181,11 @@ def trace_profiles(
         End point of the gripper by frame, where it is known.
     settings : TrackSettings
         See there.
+    known : KnownSensor, optional
+        What the recording says of its sensor; by default it is taken to be as real ones usually are.
     """
-    scale, fixed_levels, pattern = _measure_scale(images, list(stamps_ns), settings)
+    known = KnownSensor() if known is None else known
+    scale, columns_per_m, pattern = _measure_scale(images, list(stamps_ns), settings, known)
     traces: dict[int, Trace] = {}
     profiles: dict[int, Profile] = {}
     limits = {"band_half_width_m": settings.profile.band_half_width_m, "jump_m": settings.profile.jump_m}
@@ -190,7 +214,14 @@ def trace_profiles(
                 traces[frame] = Trace(reason=found)
     if not profiles:
         return traces
-    sources = ErrorSources(fixed_levels, settings.gripper_std_m, settings.profile.windows_px[-1])
+    x_m, y_m, z_m = (float(np.hypot(settings.gripper_std_m, seen_m)) for seen_m in known.gripper_std_m)
+    sources = ErrorSources(
+        columns_per_m,
+        known.pattern or usual_pattern(),
+        (x_m, y_m, z_m),
+        settings.profile.windows_px[-1],
+        noise_factor(known.noise_correlation),
+    )
     frames = list(profiles)
     tracked_ns = np.array([stamps_ns[frame] for frame in frames], np.int64)
     tracks, points_m = track_profiles(
@@ -219,18 +250,19 @@ def trace_profiles(
 
 
 def _measure_scale(
-    images: Iterable[tuple[int, DepthImage | None]], frames: Sequence[int], settings: TrackSettings
-) -> tuple[DepthScale, FloatArray | None, FloatArray]:
-    """Measure what the columns add to inverse depth on some images; return it with the error left, and the pattern.
-
-    That error, by column, is known of an OpenNI sensor alone.
-    """
+    images: Iterable[tuple[int, DepthImage | None]],
+    frames: Sequence[int],
+    settings: TrackSettings,
+    known: KnownSensor,
+) -> tuple[DepthScale, FloatArray, FloatArray]:
+    """Measure what the columns add to inverse depth, on some images; return it with what is left, and the pattern."""
     chosen = set(frames[:: max(len(frames) // settings.flat_field_frames, 1)])
     some = [np.array(depth_mm) for frame, depth_mm in images if frame in chosen and depth_mm is not None]
-    table, is_openni = inverse_depth_table(some)
+    table, _ = inverse_depth_table(some)
     pattern = fixed_pattern(some, table, beyond_m=settings.flat_field_beyond_m)
-    if not is_openni:
-        return DepthScale(table), None, pattern
+    if not some:
+        return DepthScale(table), np.zeros(1), pattern
     offset = column_offsets(some, table, beyond_m=settings.flat_field_beyond_m)
-    window_px = 2.0 * settings.profile.windows_px[-1][0]
-    return DepthScale(table, offset), fixed_error_levels(offset, window_px, some[0].shape[1]), pattern
+    window_px, measured = 2.0 * settings.profile.windows_px[-1][0], known.pattern is not None
+    left_per_m = column_std_per_m(offset, window_px, some[0].shape[1], measured=measured)
+    return DepthScale(table, offset), left_per_m, pattern

@@ -241,5 +241,6 @@ def divide_track(
     node_arc_m = np.append(0.0, chain.arc_length_m)
     position_m = np.stack([np.interp(arc_m, node_arc_m, axis) for axis in nodes_m])
     nearest = np.clip(np.searchsorted(chain.arc_length_m, arc_m), 1, chain.arc_length_m.size - 1)
-    std_m = point_std_m(track, position_m, arc_m, (node_arc_m, nodes_m), intrinsics, sources)
-    return ChainPoints(position_m, std_m, arc_m, chain.pixels[nearest], np.zeros(point_count), (None,) * point_count)
+    std = point_std_m(track, position_m, arc_m, (node_arc_m, nodes_m), intrinsics, sources)
+    pixels, none = chain.pixels[nearest], (None,) * point_count
+    return ChainPoints(position_m, std.all_m, std.fixed_m, arc_m, pixels, np.zeros(point_count), none)

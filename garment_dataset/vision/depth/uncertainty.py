@@ -7,17 +7,15 @@ means over its edge. Positions are not touched here.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-
-from garment_dataset.vision.depth.cloud import level_spacing_m
-from garment_dataset.vision.depth.flat_field import FINE_PATTERN_BLOB_PX, FINE_PATTERN_LEVELS
 
 if TYPE_CHECKING:
     from garment_dataset.arrays import BoolArray, FloatArray, IntArray
     from garment_dataset.vision.depth.chain import Chain, Track
     from garment_dataset.vision.depth.cloud import Intrinsics
+    from garment_dataset.vision.depth.sensor_noise import FixedPattern
 
 BENT_STD_M = 0.002
 """Standard error of z where cloth is bent across the profile within the smallest windows.
@@ -45,22 +43,47 @@ STEEP = 1.0
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ErrorSources:
-    """What the recording cannot tell about its own errors.
+    """What one frame cannot tell about its own errors.
 
     Parameters
     ----------
-    fixed_levels : (W,) float64 or None
-        Standard deviation, in level spacings and by column of the image, of the depth error that whole columns share
-        and that does not change with time; None when depths are not an OpenNI sensor's.
-    gripper_std_m : float
-        Standard uncertainty of each coordinate of the gripper's end point.
+    columns_per_m : (W,) float64
+        Standard deviation in inverse depth, by column of the image, of the error that whole columns share.
+    pattern : FixedPattern
+        The same of what is always added to the mean over a window, by the window's size.
+    gripper_std_m : (x, y, z)
+        Standard uncertainty of the coordinates of the gripper's end point.
     window_px : (int, int)
         Half width and half height of the largest window that planes are fitted to.
+    noise_factor : float
+        How many times as large the noise of smoothed values is as it seems from how they scatter, because it hangs
+        together from frame to frame.
     """
 
-    fixed_levels: FloatArray | None
-    gripper_std_m: float
+    columns_per_m: FloatArray
+    pattern: FixedPattern
+    gripper_std_m: tuple[float, float, float]
     window_px: tuple[int, int]
+    noise_factor: float = 1.0
+
+
+class PointStd(NamedTuple):
+    """Standard uncertainties of points, each (3, r) float64, in metres."""
+
+    all_m: FloatArray
+    fixed_m: FloatArray
+    """The part that stays as it is as long as the cloth does not move."""
+
+
+def noise_factor(correlation: float) -> float:
+    r"""Return how many times as large the noise of means over a few frames is as their scatter says.
+
+    Notes
+    -----
+    For noise whose correlation falls as :math:`\rho^k` over k frames, the variance of a mean is larger by
+    :math:`(1 + \rho) / (1 - \rho)`, and neighbours differ by less, by :math:`1 - \rho`.
+    """
+    return float(np.sqrt(2 * (1 + correlation)) / (1 - correlation))
 
 
 def point_std_m(
@@ -70,7 +93,7 @@ def point_std_m(
     path_m: tuple[FloatArray, FloatArray],
     intrinsics: Intrinsics,
     sources: ErrorSources,
-) -> FloatArray:
+) -> PointStd:
     r"""Return the standard uncertainties of points on a chain.
 
     Parameters
@@ -90,56 +113,67 @@ def point_std_m(
 
     Returns
     -------
-    (3, r) float64
+    PointStd
 
     Notes
     -----
-    Along the ray: the noise of z as seen after smoothing, the fixed error of the columns, the fine fixed pattern
-    averaged over its blobs, the cloth's bend within the window, and what a bridge may hide. Of the gripper's x: all of
+    Along the ray: the noise of z as seen after smoothing, the fixed error of the columns, the fixed pattern as it is
+    averaged over the window, the cloth's bend within the window, and what a bridge may hide. Of the gripper's x: all of
     it on x, and on z by the lean of the sheet.
 
-    Along the cloth, for a point at the share s of the length: the hem is uncertain by its noise and by a row of
-    pixels, uniform, of which the point takes s; the hold by its noise, the fixed error and the gripper, of which it
-    takes 1 - s; the folds as :func:`fold_std_m` says. What that does to x, y and z is the mean square of the ways to
-    the places one standard uncertainty up and down the cloth. On the side of a fold, its height is uncertain too.
+    Along the cloth, for a point at the share s of the length: the hem is uncertain by its noise and by half a row of
+    pixels, as sensors let edges grow or shrink, of which the point takes s; the hold by its noise, the fixed error, the
+    gripper, and by how much of the way from the gripper to the cloth is none but their errors, uniform from nothing to
+    all, of which it takes 1 - s; the folds as :func:`fold_std_m` says. What that does to x, y and z is the mean square
+    of the ways to the places one standard uncertainty up and down the cloth. On the side of a fold, its height is
+    uncertain too.
     """
-    chain = track.chain
+    chain, share = track.chain, arc_m / track.chain.length_m
     nearest = np.clip(np.searchsorted(chain.arc_length_m, arc_m), 1, chain.arc_length_m.size - 1)
     pixels = chain.pixels[nearest]
-    fixed_std_m = _fixed_std_m(position_m, pixels, intrinsics, sources.fixed_levels)
+    ray_fixed_m = _fixed_std_m(position_m, pixels, intrinsics, sources)
     flat = _flatness(chain.pixels, sources.window_px)
     bent_std_m = _bend_std_m(chain, position_m, flat[nearest], sources.window_px[1] / intrinsics.fy_px)
     bridge_std_m = np.interp(arc_m, chain.arc_length_m, chain.support.std_m)
-    ray_std_m = np.sqrt(track.z_noise_m[nearest] ** 2 + fixed_std_m**2 + bent_std_m**2 + bridge_std_m**2)
+    noise_m = sources.noise_factor * track.z_noise_m[nearest]
+    ray_m = np.sqrt(noise_m**2 + ray_fixed_m**2 + bent_std_m**2 + bridge_std_m**2)
 
-    share = arc_m / chain.length_m
-    hem_std_m = np.hypot(track.end_noise_m, chain.position_m[2, -1] / intrinsics.fy_px / np.sqrt(12))
-    hold_std_m = np.sqrt(track.top_noise_m**2 + fixed_std_m[0] ** 2 + sources.gripper_std_m**2)
+    row_m = chain.position_m[2, -1] / intrinsics.fy_px / 2
+    held_m = np.sqrt(ray_fixed_m[0] ** 2 + sources.gripper_std_m[1] ** 2 + chain.arc_length_m[0] ** 2 / 3)
+    along_fixed_m = np.hypot(share * row_m, (1 - share) * held_m)
     folds_std_m, on_side = fold_std_m(chain, arc_m, flat)
-    edge_std_m = EDGE_STD_M * on_side
-    along_std_m = np.sqrt((share * hem_std_m) ** 2 + ((1 - share) * hold_std_m) ** 2 + folds_std_m**2 + edge_std_m**2)
-    moved_along_m = [
-        np.stack([np.interp(place_m, path_m[0], axis) for axis in path_m[1]]) - position_m
-        for place_m in (arc_m - along_std_m, arc_m + along_std_m)
-    ]
-    variance = (moved_along_m[0] ** 2 + moved_along_m[1] ** 2) / 2
-    variance[0] += sources.gripper_std_m**2
-    variance[1] += (position_m[1] / position_m[2] * ray_std_m) ** 2 + edge_std_m**2
-    variance[2] += ray_std_m**2 + (track.lean[nearest] * sources.gripper_std_m) ** 2
-    std_m: FloatArray = np.sqrt(variance)
-    return std_m
+    edge_m: FloatArray = EDGE_STD_M * on_side.astype(np.float64)
+    ends_m = sources.noise_factor * np.hypot(share * track.end_noise_m, (1 - share) * track.top_noise_m)
+    along_m = np.sqrt(along_fixed_m**2 + ends_m**2 + folds_std_m**2 + edge_m**2)
+
+    def stated(ray_m: FloatArray, along_m: FloatArray, edge_m: FloatArray) -> FloatArray:
+        variance = _slid_m2(path_m, position_m, arc_m, along_m)
+        variance[0] += sources.gripper_std_m[0] ** 2
+        variance[1] += (position_m[1] / position_m[2] * ray_m) ** 2 + edge_m**2
+        variance[2] += ray_m**2 + (track.lean[nearest] * sources.gripper_std_m[0]) ** 2
+        std_m: FloatArray = np.sqrt(variance)
+        return std_m
+
+    return PointStd(stated(ray_m, along_m, edge_m), stated(ray_fixed_m, along_fixed_m, np.zeros(arc_m.size)))
 
 
-def _fixed_std_m(
-    position_m: FloatArray, pixels: IntArray, intrinsics: Intrinsics, fixed_levels: FloatArray | None
+def _slid_m2(
+    path_m: tuple[FloatArray, FloatArray], position_m: FloatArray, arc_m: FloatArray, along_m: FloatArray
 ) -> FloatArray:
+    """Return the mean square of the ways to the places so far up and down the cloth, (3, r)."""
+    ways_m = [
+        np.stack([np.interp(place_m, path_m[0], axis) for axis in path_m[1]]) - position_m
+        for place_m in (arc_m - along_m, arc_m + along_m)
+    ]
+    squares: FloatArray = (ways_m[0] ** 2 + ways_m[1] ** 2) / 2
+    return squares
+
+
+def _fixed_std_m(position_m: FloatArray, pixels: IntArray, intrinsics: Intrinsics, sources: ErrorSources) -> FloatArray:
     """Return the standard error of z that stands still, (r,)."""
-    if fixed_levels is None:
-        return np.zeros(position_m.shape[1])
     column = np.rint(intrinsics.cx_px + intrinsics.fx_px * position_m[0] / position_m[2]).astype(np.int64)
-    blobs = np.maximum(pixels / FINE_PATTERN_BLOB_PX, 1)
-    levels = np.hypot(fixed_levels[np.clip(column, 0, fixed_levels.size - 1)], FINE_PATTERN_LEVELS / np.sqrt(blobs))
-    std_m: FloatArray = level_spacing_m(position_m[2]) * levels
+    columns_per_m = sources.columns_per_m[np.clip(column, 0, sources.columns_per_m.size - 1)]
+    std_m: FloatArray = position_m[2] ** 2 * np.hypot(columns_per_m, sources.pattern.at(pixels.astype(np.float64)))
     return std_m
 
 

@@ -12,7 +12,7 @@ from garment_dataset.stages.depth_points import DepthPointsParams
 from garment_dataset.vision.depth.cloud import LEVEL_SPACING_PER_M, Intrinsics
 from garment_dataset.vision.depth.flat_field import (
     column_offsets,
-    fixed_error_levels,
+    column_std_per_m,
     inverse_depth_table,
     ladder_per_m,
 )
@@ -171,12 +171,14 @@ def test_bands_are_measured_on_the_wall_and_taken_off() -> None:
     detrended = bands - np.polynomial.Polynomial.fit(column, bands, 1)(column)
     np.testing.assert_allclose(offset / LEVEL_SPACING_PER_M, detrended, atol=0.1)
     # no mean is left when all columns were seen, and what the trend may have taken is smallest in their middle
-    levels = fixed_error_levels(offset, 72, SHAPE[1])
+    levels = column_std_per_m(offset, 72, SHAPE[1], measured=False) / LEVEL_SPACING_PER_M
     assert levels[319:321] == pytest.approx(0, abs=0.001)
     assert levels[0] == pytest.approx(0.43 * np.sqrt(3 * 56 / 640), rel=0.01)
-    half = fixed_error_levels(np.where(column < 320, offset, 0), 72, SHAPE[1])
+    half = column_std_per_m(np.where(column < 320, offset, 0), 72, SHAPE[1], measured=False) / LEVEL_SPACING_PER_M
     assert half[160] == pytest.approx(0.43 * np.sqrt(56 / 320 - 56 / 640), rel=0.01)
     assert half[320:] == pytest.approx(0.43 * np.sqrt(56 / 72 - 56 / 640))
+    own = column_std_per_m(offset, 72, SHAPE[1], measured=True)
+    assert own[0] == pytest.approx(offset.std() * np.sqrt(3 * 56 / 640), rel=0.01)
     found, _, _ = both(images)
     true_z_m = true_points_m(SHEETS["straight"])[2]
     common_m = (bands - detrended)[325] * LEVEL_SPACING_PER_M * GRIPPER_M[2] ** 2
@@ -192,7 +194,18 @@ def test_without_a_plane_or_without_the_sensors_levels_nothing_is_taken_off() ->
     plain, on_ladder = inverse_depth_table([seen(depth_m(SHEETS["tilted"]))])
     assert not on_ladder
     assert plain[1000] == 1
-    assert fixed_error_levels(None, 56, 640) == pytest.approx(0.43 * np.sqrt(1 - 56 / 640))
+    usual = 0.43 * LEVEL_SPACING_PER_M * np.sqrt(1 - 56 / 640)
+    assert column_std_per_m(None, 56, 640, measured=False) == pytest.approx(usual)
+
+
+def test_what_is_no_error_of_columns_is_not_taken_off() -> None:
+    """Noise alone: what the upper half of the wall says of its columns, the lower does not."""
+    rng = np.random.default_rng(5)
+    images = [seen(depth_m(SHEETS["straight"]), rng, np.zeros(SHAPE[1])) for _ in range(4)]
+    table, _ = inverse_depth_table(images)
+    offset = column_offsets(images, table, beyond_m=1.4)
+    assert offset is not None
+    assert offset.std() < 0.02 * LEVEL_SPACING_PER_M
 
 
 def test_the_ladder_holds_what_real_sensors_report() -> None:

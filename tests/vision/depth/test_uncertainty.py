@@ -8,11 +8,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from garment_dataset.vision.depth.chain import Chain, Track
+from garment_dataset.vision.depth.chain import Chain, ChainPoints, Track
 from garment_dataset.vision.depth.cloud import Intrinsics
+from garment_dataset.vision.depth.sensor_noise import FixedPattern
 from garment_dataset.vision.depth.support import Support
 from garment_dataset.vision.depth.tracking import divide_track
-from garment_dataset.vision.depth.uncertainty import BENT_STD_M, EDGE_STD_M, FOLD_SHARE, ErrorSources, fold_std_m
+from garment_dataset.vision.depth.uncertainty import (
+    BENT_STD_M,
+    EDGE_STD_M,
+    FOLD_SHARE,
+    ErrorSources,
+    fold_std_m,
+    noise_factor,
+)
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,7 +29,8 @@ if TYPE_CHECKING:
 
 K = Intrinsics(fx_px=570.0, fy_px=570.0, cx_px=319.5, cy_px=239.5)
 TOP_M = (0.0, -0.3, 1.0)
-EXACT = ErrorSources(None, 0.0, (70, 20))
+SAME = FixedPattern(np.array([1.0, 10000.0]), np.zeros(2))
+EXACT = ErrorSources(np.zeros(640), SAME, (0.0, 0.0, 0.0), (70, 20))
 SHARES = np.array([0.1, 0.3, 0.5, 0.7, 0.9])
 
 
@@ -34,10 +43,14 @@ def chain_of(z_m: FloatArray, pixels: int = 5781) -> Chain:
     return Chain(position_m, arc_m, np.full(z_m.size, pixels), np.full(z_m.size, np.nan), False, Support.full(z_m.size))
 
 
-def std_m(z_m: FloatArray, sources: ErrorSources = EXACT, pixels: int = 5781) -> FloatArray:
+def points(z_m: FloatArray, sources: ErrorSources, pixels: int = 5781) -> ChainPoints:
     chain = chain_of(z_m, pixels)
     track = Track(chain, np.zeros(z_m.size), 0.0, 0.0, np.zeros(z_m.size))
-    return divide_track(track, TOP_M, K, point_count=5, sources=sources).std_m
+    return divide_track(track, TOP_M, K, point_count=5, sources=sources)
+
+
+def std_m(z_m: FloatArray, sources: ErrorSources = EXACT, pixels: int = 5781) -> FloatArray:
+    return points(z_m, sources, pixels).std_m
 
 
 FLAT = np.ones(241)
@@ -80,9 +93,9 @@ def test_in_bent_cloth_gentle_slopes_count_too() -> None:
 
 
 def test_sliding_over_a_sheet_moves_points_along_it() -> None:
-    """The row of pixels at the hem, uniform, lets a point slide by its share of it, down and away by the tilt."""
+    """Half a row of pixels at the hem lets a point slide by its share of it, down and away by the tilt."""
     z_m: FloatArray = np.linspace(0, 0.3, 241)
-    moved_along_m = SHARES * (TOP_M[2] + z_m[-1]) / K.fy_px / np.sqrt(12)
+    moved_along_m = SHARES * (TOP_M[2] + z_m[-1]) / K.fy_px / 2
     found_m = std_m(z_m)
     np.testing.assert_allclose(found_m[1], moved_along_m / np.hypot(1, 0.5))
     np.testing.assert_allclose(found_m[2], moved_along_m * 0.5 / np.hypot(1, 0.5))
@@ -103,4 +116,27 @@ def test_small_windows_mean_bent_cloth(pixels: int) -> None:
 
 
 def test_the_grippers_uncertainty_is_all_of_that_of_x() -> None:
-    np.testing.assert_allclose(std_m(np.zeros(241), replace(EXACT, gripper_std_m=0.0005))[0], 0.0005)
+    sources = replace(EXACT, gripper_std_m=(0.0005, 0.0, 0.0))
+    np.testing.assert_allclose(std_m(np.zeros(241), sources)[0], 0.0005)
+
+
+def test_an_error_of_the_grippers_height_moves_points_by_the_rest_of_the_length() -> None:
+    """On a sheet that hangs straight down; the row of pixels at the hem comes on top, and both stay as they are."""
+    sources = replace(EXACT, gripper_std_m=(0.0, 0.004, 0.0))
+    row_m = TOP_M[2] / K.fy_px / 2
+    found = points(np.zeros(241), sources)
+    np.testing.assert_allclose(found.std_m[1], np.hypot(0.004 * (1 - SHARES), row_m * SHARES))
+    np.testing.assert_allclose(found.fixed_std_m, found.std_m)
+
+
+def test_the_fixed_pattern_counts_by_the_size_of_the_window() -> None:
+    pattern = FixedPattern(np.array([1.0, 625.0, 5781.0]), np.array([1e-3, 4e-4, 1e-4]))
+    for pixels, per_m in ((5781, 1e-4), (10000, 1e-4)):
+        found = points(np.zeros(241), replace(EXACT, pattern=pattern), pixels)
+        np.testing.assert_allclose(found.fixed_std_m[2], TOP_M[2] ** 2 * per_m)
+    assert pattern.at(np.array([625.0, 25.0])) == pytest.approx([4e-4, 7e-4])
+
+
+def test_noise_that_hangs_together_in_time_is_averaged_less() -> None:
+    assert noise_factor(0.0) == pytest.approx(np.sqrt(2))
+    assert noise_factor(0.5) == pytest.approx(np.sqrt(2 * 1.5) / 0.5)

@@ -1,0 +1,213 @@
+"""What a recording says of its own depth sensor: noise, its correlations, the fixed pattern, the step of its levels.
+
+All is in inverse depth, 1/m, where a sensor that measures disparity errs alike at every distance. Noise is what differs
+between frames in which nothing moves; the fixed pattern is by how much a plane that stands still seems bent in all of
+them. An error that is the same in all pixels cannot be told from where things are.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from garment_dataset.arrays import BoolArray, DepthImage, FloatArray
+
+WINDOWS_PX = ((0, 0), (2, 2), (4, 7), (8, 8), (12, 12), (18, 12), (36, 12), (36, 24), (70, 20))
+"""Half widths and half heights of the windows over which errors are averaged to see how fast they fade."""
+
+_FULL = 0.8
+_MIN_WINDOWS = 12
+_JUMP_PER_M = 0.03
+"""Pixels that change by more between two frames, 3 cm at 1 m, see another surface."""
+
+_MIN_PAIRS = 500
+_MIN_COUNT_SHARE = 0.002
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class TimeNoise:
+    """What differs between frames of a scene in which nothing moves.
+
+    Parameters
+    ----------
+    std_per_m : float
+        Standard deviation of a pixel.
+    correlation : float
+        With the next frame.
+    pixels_per_independent : float
+        So many neighbouring pixels tell as much as one independent pixel would.
+    """
+
+    std_per_m: float
+    correlation: float
+    pixels_per_independent: float
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FixedPattern:
+    """How large the mean over a window is that a sensor always adds.
+
+    Parameters
+    ----------
+    pixels : (k,) float64
+        Sizes of the windows, rising.
+    std_per_m : (k,) float64
+        Standard deviation of the mean over such a window, falling.
+    """
+
+    pixels: FloatArray
+    std_per_m: FloatArray
+
+    def at(self, pixels: FloatArray) -> FloatArray:
+        """Return the standard deviation of means over windows of these sizes, interpolated in their logarithms."""
+        std_per_m: FloatArray = np.interp(np.log(np.maximum(pixels, 1.0)), np.log(self.pixels), self.std_per_m)
+        return std_per_m
+
+
+def level_step_per_m(frames: Sequence[DepthImage], table: FloatArray, near_mm: int, far_mm: int) -> float | None:
+    """Return the distance of the levels that a sensor reports between two depths; None when it shows too few.
+
+    Parameters
+    ----------
+    frames : sequence of (H, W) uint16
+        Images in millimetres.
+    table : (65536,) float64
+        Inverse depth by millimetres.
+    near_mm, far_mm : int
+        The range that is looked at.
+    """
+    counts = np.zeros(1 << 16, np.int64)
+    for frame in frames:
+        counts += np.bincount(frame.ravel(), minlength=1 << 16)
+    inside = counts[near_mm : far_mm + 1]
+    # millimetres that hardly occur lie between levels: what an image holds by mistake
+    often = np.flatnonzero(inside > max(_MIN_COUNT_SHARE * inside.sum(), 1)) + near_mm
+    if often.size < 3:
+        return None
+    return float(np.median(np.abs(np.diff(table[often]))))
+
+
+def time_noise(inverse: FloatArray, region: BoolArray) -> TimeNoise | None:
+    r"""Measure noise in time on consecutive frames.
+
+    Parameters
+    ----------
+    inverse : (T, H, W) float64
+        Inverse depth of frames in which nothing moves; NaN where there is none.
+    region : (H, W) bool
+        Where to look.
+
+    Returns
+    -------
+    TimeNoise or None
+        None for fewer than three frames or too few pixels.
+
+    Notes
+    -----
+    With d the difference of consecutive frames of a first-order process of correlation :math:`\rho`,
+    :math:`\operatorname{var} d = 2 \sigma^2 (1 - \rho)` and :math:`\operatorname{cov}(d_t, d_{t+1}) = -\sigma^2
+    (1 - \rho)^2`. Pixels per independent one: the variance of the mean of d over 25 x 25 pixels, times their number,
+    over that of single pixels.
+    """
+    change = np.diff(np.where(region, inverse, np.nan), axis=0)
+    change = np.where(np.abs(change) < _JUMP_PER_M, change, np.nan)
+    known = np.isfinite(change)
+    if len(change) < 2 or known.sum() < _MIN_PAIRS:
+        return None
+    variance = float(np.mean(change[known] ** 2))
+    if variance == 0:
+        return TimeNoise(0.0, 0.0, 1.0)
+    following = change[1:] * change[:-1]
+    ratio = float(np.clip(-np.nanmean(following) / variance, 0.05, 0.5))
+    correlation = 1 - 2 * ratio
+    means = np.concatenate([window_means(each, 12, 12)[0].ravel() for each in change])
+    means = means[np.isfinite(means)]
+    together = 625 * float(np.mean(means**2)) / variance if means.size >= _MIN_WINDOWS else 25.0
+    return TimeNoise(float(np.sqrt(variance / (2 * (1 - correlation)))), correlation, max(together, 1.0))
+
+
+def fixed_pattern(first: FloatArray, second: FloatArray, plane: BoolArray) -> FixedPattern | None:
+    """Measure what is always added, on a plane, from two means over different frames.
+
+    Parameters
+    ----------
+    first, second : (H, W) float64
+        Mean inverse depth over different frames, less what is corrected anyway.
+    plane : (H, W) bool
+        Pixels of a plane that stands still.
+
+    Returns
+    -------
+    FixedPattern or None
+        None when no window of 25 pixels finds room on the plane.
+
+    Notes
+    -----
+    A paraboloid is taken off first: a lean is the plane's, and walls are bent. What both means share is fixed, as the
+    noise is not the same in them: the variance is the mean product of their window means.
+    """
+    seen = plane & np.isfinite(first) & np.isfinite(second)
+    if not seen.any():
+        return None
+    flat = [_less_paraboloid(mean, seen) for mean in (first, second)]
+    sizes, stds = [], []
+    for half_width, half_height in WINDOWS_PX:
+        means, full = zip(*(window_means(values, half_width, half_height) for values in flat), strict=True)
+        both = means[0] * means[1]
+        both = both[np.isfinite(both)]
+        if both.size >= _MIN_WINDOWS:
+            sizes.append(float(full[0]))
+            stds.append(float(np.sqrt(max(both.mean(), 0.0))))
+    if len(sizes) < 2:
+        return None
+    # the mean over more pixels errs no more: what seems so is chance
+    return FixedPattern(np.array(sizes), np.maximum.accumulate(np.array(stds)[::-1])[::-1])
+
+
+def _less_paraboloid(values: FloatArray, seen: BoolArray) -> FloatArray:
+    v, u = np.nonzero(seen)
+    x, y = 2 * u / values.shape[1] - 1, 2 * v / values.shape[0] - 1
+    basis = np.stack([np.ones(u.size), x, y, x * x, x * y, y * y], axis=1)
+    known = values[v, u]
+    fit = np.linalg.lstsq(basis.T @ basis, basis.T @ known, rcond=None)[0]
+    residual = np.full(values.shape, np.nan)
+    residual[v, u] = known - basis @ fit
+    return residual
+
+
+def window_means(values: FloatArray, half_width: int, half_height: int) -> tuple[FloatArray, int]:
+    """Return means over windows half a window apart, and how many pixels a window has.
+
+    Parameters
+    ----------
+    values : (H, W) float64
+        NaN where there is none.
+    half_width, half_height : int
+        Of the windows, in pixels.
+
+    Returns
+    -------
+    means : (n, m) float64
+        NaN where less than 80 % of a window is known.
+    size : int
+    """
+    width, height = 2 * half_width + 1, 2 * half_height + 1
+    known = np.isfinite(values)
+    total = _sums(np.where(known, values, 0.0), width, height)
+    count = _sums(known.astype(np.float64), width, height)
+    size = width * height
+    means = np.where(count >= _FULL * size, total / np.maximum(count, 1), np.nan)
+    return means[:: max(half_height, 1), :: max(half_width, 1)], size
+
+
+def _sums(values: FloatArray, width: int, height: int) -> FloatArray:
+    padded = np.pad(values, ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
+    sums: FloatArray = (
+        padded[height:, width:] - padded[:-height, width:] - padded[height:, :-width] + padded[:-height, :-width]
+    )
+    return sums

@@ -1,0 +1,99 @@
+"""What recordings say of their sensor: known noise, pattern and levels are found again."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import cv2
+import numpy as np
+import pytest
+
+from garment_dataset.vision.depth.backdrop import backdrop, static_inverse
+from garment_dataset.vision.depth.flat_field import plain_per_m
+from garment_dataset.vision.depth.sensor_noise import fixed_pattern, level_step_per_m, time_noise, window_means
+
+if TYPE_CHECKING:
+    from garment_dataset.arrays import FloatArray
+
+SHAPE = (240, 320)
+EVERYWHERE = np.ones(SHAPE, np.bool_)
+
+
+def blobs(rng: np.random.Generator, radius_px: float) -> FloatArray:
+    """Return a field of unit variance."""
+    white = rng.standard_normal(SHAPE)
+    if radius_px == 0:
+        return white
+    field = cv2.GaussianBlur(white, (0, 0), radius_px)
+    return np.asarray(field / field.std())
+
+
+@pytest.mark.parametrize("correlation", [0.0, 0.4])
+@pytest.mark.parametrize(("radius_px", "together"), [(0.0, 1.0), (1.5, 4 * np.pi * 1.5**2)])
+def test_noise_and_its_correlations_are_found(correlation: float, radius_px: float, together: float) -> None:
+    rng = np.random.default_rng(2)
+    frames = [blobs(rng, radius_px)]
+    for _ in range(20):
+        frames.append(correlation * frames[-1] + np.sqrt(1 - correlation**2) * blobs(rng, radius_px))
+    found = time_noise(1.0 + 0.002 * np.stack(frames), EVERYWHERE)
+    assert found is not None
+    assert found.std_per_m == pytest.approx(0.002, rel=0.03)
+    assert found.correlation == pytest.approx(correlation, abs=0.04)
+    assert found.pixels_per_independent == pytest.approx(together, rel=0.25)
+
+
+def test_two_frames_say_nothing_of_correlation() -> None:
+    assert time_noise(np.ones((2, *SHAPE)), EVERYWHERE) is None
+
+
+@pytest.mark.parametrize("radius_px", [0.0, 4.0])
+def test_the_pattern_is_told_from_noise(radius_px: float) -> None:
+    rng = np.random.default_rng(4)
+    fixed = 0.001 * blobs(rng, radius_px)
+    v, u = np.indices(SHAPE)
+    wall = 0.5 + 1e-4 * u - 2e-4 * v + 1e-8 * u * v
+    first, second = (wall + fixed + 0.001 * blobs(rng, 1.0) for _ in range(2))
+    found = fixed_pattern(first, second, EVERYWHERE)
+    assert found is not None
+    assert found.std_per_m[0] == pytest.approx(0.001, rel=0.1)
+    assert (np.diff(found.std_per_m) <= 0).all()
+    expected = np.nanstd(window_means(fixed, 12, 12)[0])
+    assert found.at(np.array([625.0]))[0] == pytest.approx(expected, rel=0.2, abs=4e-5)
+
+
+def test_without_a_pattern_there_is_next_to_none() -> None:
+    rng = np.random.default_rng(6)
+    found = fixed_pattern(0.5 + 0.001 * blobs(rng, 1.0), 0.5 + 0.001 * blobs(rng, 1.0), EVERYWHERE)
+    assert found is not None
+    assert found.std_per_m[0] < 5e-5
+
+
+@pytest.mark.parametrize("step_per_m", [0.0015, 0.003])
+def test_the_step_of_the_levels_is_found(step_per_m: float) -> None:
+    inverse = np.arange(0.9, 1.1, step_per_m)
+    frame = np.tile(np.rint(1000 / inverse).astype(np.uint16), (10, 5))
+    found = level_step_per_m([frame], plain_per_m(), 800, 1200)
+    assert found == pytest.approx(step_per_m, rel=0.1)
+    assert level_step_per_m([frame], plain_per_m(), 2000, 3000) is None
+
+
+def test_a_leaning_plane_is_found_among_other_things() -> None:
+    v, u = np.indices(SHAPE)
+    inverse = 0.5 + 2e-4 * u + 1e-4 * v
+    inverse[:, 200:] = 0.4 + 1e-3 * v[:, 200:]
+    inverse[:40] = np.nan
+    found = backdrop(inverse)
+    assert found is not None
+    assert found[40:, :200].all()
+    assert found[:, 200:].mean() < 0.1
+
+
+def test_what_is_missing_too_often_does_not_stand_still() -> None:
+    frames = [np.full(SHAPE, 2000, np.uint16) for _ in range(4)]
+    for frame in frames[:2]:
+        frame[:100] = 0
+    frames[0][100:120] = 900
+    inverse = static_inverse(frames, plain_per_m(), 1.4)
+    assert np.isnan(inverse[:100]).all()
+    assert (inverse[100:] == 0.5).all()
+    assert backdrop(np.full(SHAPE, np.nan)) is None
