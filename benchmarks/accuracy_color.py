@@ -1,6 +1,7 @@
 """Silhouettes and central curves against the truth of simulated recordings; writes docs/accuracy-colour.md.
 
-Each row of the second table changes one option of the pipeline and builds again.
+Each nuisance is drawn alone and all together, on seeds that the pipeline was chosen on and on others; every case is
+built with the defaults and as in the thesis.
 """
 
 from __future__ import annotations
@@ -8,7 +9,7 @@ from __future__ import annotations
 import argparse
 import shutil
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from garment_dataset.score.recordings import score
 from garment_dataset.simulate.orders import Order, run_orders
@@ -17,126 +18,185 @@ from garment_dataset.workspace import Workspace
 if TYPE_CHECKING:
     from garment_dataset.score.silhouettes import SilhouetteScore
 
+    Scores = dict[str, SilhouetteScore]
+
 ROOT = Path(__file__).parent.parent
-CHOSEN_ON = {
-    "GreenTowel_Corner_01_pi16_0.5_B1": 0,
-    "BlackShorts_Belt_pi16_0.5_B1": 0,
-    "FelShirt_Free_pi16_0.5_B1": 0,
-    "WhitePullover_Collar_pi16_0.5_B1": 0,
-    "WhiteBlackShirt_Free_pi16_0.5_B1": 0,
-}
-HELD_OUT = {
-    "GreenTowel_Free_pi16_0.5_B1": 5,
-    "WhiteBlackShirt_Collar_pi16_0.5_B1": 5,
-    "RedSkirt_Belt_pi16_0.5_B1": 6,
-    "BlueShirt_Collar_pi16_0.5_B1": 6,
-}
+SUFFIX = "_pi16_0.5_B1"
+FRAMES = 60
+"""Rest and half of the way: the sheet hangs, is drawn along and swings."""
+
+
+class Case(NamedTuple):
+    """Recordings of one draw: they share camera and room."""
+
+    nuisance: str
+    seed: int
+    names: tuple[str, ...]
+
+    @property
+    def folder(self) -> str:
+        """Return where they lie."""
+        return f"{self.nuisance}_{self.seed}"
+
+
+ALONE = (
+    "none",
+    "lamps",
+    "auto_exposure",
+    "flicker",
+    "wall",
+    "blur_px",
+    "color_noise",
+    "yaw_rad",
+    "wall_hue",
+    "pattern",
+)
+ONE = ("GreenTowel_Corner_01",)
+SHEETS = ("GreenTowel_Ruler_01",)
+CHOSEN = (
+    *(Case(name, 104, SHEETS if name == "yaw_rad" else ONE) for name in ALONE),
+    Case("wide", 101, ("FelShirt_Ruler", "WhitePullover_Collar")),
+    Case("wide", 103, (*SHEETS, "BlueShirt_Collar")),
+    Case("wide", 104, (*SHEETS, "GreenTowel_Corner_01")),
+    Case("wide", 105, (*SHEETS, "WhiteBlackShirt_Free")),
+)
+HELD_OUT = (
+    *(Case(name, 207, SHEETS if name == "yaw_rad" else ONE) for name in ALONE),
+    Case("wide", 201, (*SHEETS, "GreenTowel_Corner_01")),
+    Case("wide", 203, (*SHEETS, "RedSkirt_Belt")),
+    Case("wide", 204, (*SHEETS, "WhitePullover_Collar")),
+    Case("wide", 207, (*SHEETS, "BlueShirt_Collar")),
+    Case("wide", 209, (*SHEETS, "FelShirt_Free")),
+)
 VARIANTS = {
     "defaults": "",
-    'edge = "threshold"': 'edge = "threshold"',
-    "drift = false": "drift = false",
-    "alpha = 3": "alpha = 3.0",
-    "min_sigma = 0": "min_sigma = 0.0",
-    "open_px = 5": "open_px = 5",
-    "open_px = 15": "open_px = 15",
-    "close_px = 15": "close_px = 15",
-    'clip = "none"': 'clip = "none"',
-    "as in the thesis": 'edge = "threshold"\ndrift = false\nalpha = 3.0\nopen_px = 15\nclose_px = 15',
+    "as in the thesis": 'edge = "threshold"\ndrift = false\nshadows = false\nnear_m = 0.0\nalpha = 3.0\nopen_px = 15\n'
+    'close_px = 15\nclip = "auto"',
 }
 PAGE = """# Accuracy of silhouettes and central curves
 
-Made by `python benchmarks/accuracy_color.py [--cache FOLDER]`: it simulates the B recordings (scale `small`, sensor
-noise on), builds the colour pipeline and scores it (`garment score` does so for any features and truth). *IoU*
-is with the true mask below the gripper's point, mean and worst frame; *axis* the mean error of the major axis' angle;
-*midline* the distance of the central curve from that of the true mask; *material line* its distance from the projected
-line of the cloth below the gripper, which is another curve and is not tuned to.
+Made by `python benchmarks/accuracy_color.py [--cache FOLDER]`: it simulates B recordings (scale `small`, the first
+{frames} colour images), builds the colour pipeline and scores it (`garment score` does so for any features and truth).
+docs/simulation.md says what each nuisance draws. *IoU* is with the true mask below the gripper's point, mean over the
+recordings and worst frame of all; *axis* the mean error of the major axis' angle; *midline* the distance of the central
+curve from that of the true mask. A frame without a silhouette counts for none of these, but lowers the coverage.
 
-## Defaults
+To reach: IoU 0.97, of sheets seen edge-on 0.93; axis 0.3 degrees; midline 1 px.
 
-To reach: IoU 0.97, axis 0.2 degrees, midline 1 px.
+## Error against nuisance
 
-| recording | | frames | coverage % | IoU mean | worst | axis, deg | midline mean, px | 95 % | material line, px |
-|---|---|---|---|---|---|---|---|---|---|
-{defaults}
+One nuisance alone, drawn from a seed, then all together (`wide`). *Chosen on*: seeds 101 to 111, which the pipeline's
+constants were chosen on; *held out*: seeds from 201, which nothing was chosen on.
 
-## What each option changes
+| nuisance | | recordings | coverage % | IoU | worst | axis, deg | midline, px | thesis: coverage % | IoU | axis, deg |
+|---|---|---|---|---|---|---|---|---|---|---|
+{nuisances}
 
-IoU mean / axis in degrees; one option at a time. *As in the thesis*: threshold, no compensation of drift, alpha 3,
-squares of 15 px.
+## All nuisances together, by recording
 
-| option | {names} |
-|---|{rules}
-{variants}
+| recording | seed | | coverage % | IoU | worst frame | axis, deg | midline, px |
+|---|---|---|---|---|---|---|---|
+{recordings}
 
-docs/colour.md says what the options mean. A sheet seen edge-on, 8 px wide, is not among the simulated recordings;
-painted frames of one, blurred and noisy, are found with an IoU above 0.95 (`tests/stages/test_silhouette.py`).
+*As in the thesis*: eq. (5.3) with alpha 3, squares of 15 px, a threshold for an edge, no allowance for a change of
+brightness or for shadows, before the largest monochrome part of the background. A wall with folds has no such part.
+
+The towel and the shirt on the ruler are the sheets that are seen open, at an angle or edge-on. The end of the ruler
+that hangs below the gripper's row counts as garment and costs them up to 0.02. A sheet has no thickness: seen edge-on
+it is 1 to 6 px wide and broken into dashes in some frames, which are the worst ones here. Painted ones of 8 px, with
+blur, noise and shadow, are found with an IoU above 0.97 (`tests/vision/color/test_shadow.py`).
 """
 
 
 def main() -> None:
-    """Simulate what is not in the cache, build every variant, write the page."""
+    """Simulate what is not in the cache, build both variants, write the page."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--cache", type=Path, default=ROOT / "demo" / "accuracy-colour")
     cache: Path = parser.parse_args().cache
-    simulate(cache / "recordings")
-    scores = {name: build(cache, name, options) for name, options in VARIANTS.items()}
-    page = PAGE.format(
-        defaults="\n".join(default_row(name, scores["defaults"][name]) for name in (*CHOSEN_ON, *HELD_OUT)),
-        names=" | ".join(name.removesuffix("_pi16_0.5_B1") for name in CHOSEN_ON),
-        rules="---|" * len(CHOSEN_ON),
-        variants="\n".join(variant_row(name, found) for name, found in scores.items()),
-    )
+    simulate(cache)
+    scores = {case: {name: build(cache, case, name) for name in VARIANTS} for case in (*CHOSEN, *HELD_OUT)}
+    nuisances = [
+        nuisance_row(nuisance, use, [scores[case] for case in cases if case.nuisance == nuisance])
+        for nuisance in (*ALONE, "wide")
+        for use, cases in (("chosen on", CHOSEN), ("held out", HELD_OUT))
+    ]
+    recordings = [
+        recording_row(row, case, "chosen on" if case in CHOSEN else "held out")
+        for case, found in scores.items()
+        if case.nuisance == "wide"
+        for row in found["defaults"].values()
+    ]
+    page = PAGE.format(frames=FRAMES, nuisances="\n".join(nuisances), recordings="\n".join(recordings))
     (ROOT / "docs" / "accuracy-colour.md").write_text(page, "utf-8")
 
 
-def simulate(folder: Path) -> None:
-    """Simulate the recordings that are not there yet, and the empty scene."""
-    wanted = {**CHOSEN_ON, **HELD_OUT, "camera_default_0": 0}
+def simulate(cache: Path) -> None:
+    """Simulate the recordings that are not there yet, and the empty scenes."""
     orders = [
-        Order(name, folder, seed, "xtion", "small", "none", None)
-        for name, seed in wanted.items()
+        Order(name, folder, case.seed, "xtion", "small", "none", frames, case.nuisance)
+        for case in (*CHOSEN, *HELD_OUT)
+        for folder in (cache / case.folder / "bags",)
+        for name, frames in (*((f"{name}{SUFFIX}", FRAMES) for name in case.names), ("camera_default_0", 30))
         if not (folder / f"{name}.bag").is_file()
     ]
     for path in run_orders(orders, 2):
-        print(f"simulated {path.name}", flush=True)
+        print(f"simulated {path.parent.parent.name} {path.name}", flush=True)
 
 
-def build(cache: Path, name: str, options: str) -> dict[str, SilhouetteScore]:
+def build(cache: Path, case: Case, variant: str) -> Scores:
     """Build one variant in a workspace of its own, and return its scores by recording."""
-    root = cache / "workspaces" / "".join(letter if letter.isalnum() else "_" for letter in name)
+    root = cache / case.folder / variant.replace(" ", "_")
     if not root.is_dir():
         shutil.rmtree(Workspace.create(root).recordings_dir)
-        (root / "recordings").symlink_to((cache / "recordings").resolve())
+        (root / "recordings").symlink_to((cache / case.folder / "bags").resolve())
     pipeline = root / "pipelines" / "colour.toml"
     shutil.copy(ROOT / "pipelines" / "colour.toml", pipeline)
     with pipeline.open("a", encoding="utf-8") as file:
-        file.write(f"\n[params.silhouette]\n{options}\n")
+        file.write(f"\n[params.silhouette]\n{VARIANTS[variant]}\n")
     Workspace.find(root).build("axis=B")
-    print(f"built {name}", flush=True)
-    return {row.recording: row for row in score(root, cache / "recordings").silhouettes}
+    print(f"built {case.folder} {variant}", flush=True)
+    return {row.recording: row for row in score(root, cache / case.folder / "bags").silhouettes}
 
 
-def default_row(name: str, row: SilhouetteScore) -> str:
-    """Return one recording as a row of the first table."""
-    use = "chosen on" if name in CHOSEN_ON else f"held out, seed {HELD_OUT[name]}"
-    figures = (
-        f"{100 * (row.coverage or 0):.1f}",
-        f"{row.iou_mean:.3f}",
-        f"{row.iou_min:.3f}",
-        f"{57.29578 * (row.orientation_mean_rad or 0):.2f}",
-        f"{row.midline_mean_px:.2f}",
-        f"{row.midline_p95_px:.2f}",
-        f"{row.material_mean_px:.0f}",
+def nuisance_row(nuisance: str, use: str, found: list[dict[str, Scores]]) -> str:
+    """Return one nuisance, on the seeds of one use, as a row of the first table."""
+    ours, thesis = ([row for scores in found for row in scores[name].values()] for name in VARIANTS)
+    worst = [row.iou_min for row in ours if row.iou_min is not None]
+    cells = (
+        nuisance if nuisance in {"none", "wide"} else f"`{nuisance}`",
+        use,
+        len(ours),
+        mean([row.coverage for row in ours], "{:.1f}", 100),
+        mean([row.iou_mean for row in ours]),
+        f"{min(worst):.3f}" if worst else "none",
+        mean([row.orientation_mean_rad for row in ours], "{:.2f}", 57.29578),
+        mean([row.midline_mean_px for row in ours], "{:.2f}"),
+        mean([row.coverage for row in thesis], "{:.1f}", 100),
+        mean([row.iou_mean for row in thesis]),
+        mean([row.orientation_mean_rad for row in thesis], "{:.2f}", 57.29578),
     )
-    return f"| {name.removesuffix('_pi16_0.5_B1')} | {use} | {row.expected} | {' | '.join(figures)} |"
+    return f"| {' | '.join(str(cell) for cell in cells)} |"
 
 
-def variant_row(name: str, found: dict[str, SilhouetteScore]) -> str:
-    """Return one variant as a row of the second table."""
-    cells = [
-        f"{found[each].iou_mean:.3f} / {57.29578 * (found[each].orientation_mean_rad or 0):.2f}" for each in CHOSEN_ON
-    ]
-    return f"| `{name}` | {' | '.join(cells)} |" if "=" in name else f"| {name} | {' | '.join(cells)} |"
+def recording_row(row: SilhouetteScore, case: Case, use: str) -> str:
+    """Return one recording as a row of the second table."""
+    cells = (
+        row.recording.removesuffix(SUFFIX),
+        str(case.seed),
+        use,
+        mean([row.coverage], "{:.1f}", 100),
+        mean([row.iou_mean]),
+        mean([row.iou_min]),
+        mean([row.orientation_mean_rad], "{:.2f}", 57.29578),
+        mean([row.midline_mean_px], "{:.2f}"),
+    )
+    return f"| {' | '.join(cells)} |"
+
+
+def mean(values: list[float | None], form: str = "{:.3f}", times: float = 1) -> str:
+    """Return the mean of what is known, or that nothing is."""
+    known = [value for value in values if value is not None]
+    return form.format(times * sum(known) / len(known)) if known else "none"
 
 
 if __name__ == "__main__":
