@@ -155,7 +155,9 @@ def build(cache: Path, case: Case, variant: str) -> Scores:
         file.write(f"\n[params.silhouette]\n{VARIANTS[variant]}\n")
     Workspace.find(root).build("axis=B")
     print(f"built {case.folder} {variant}", flush=True)
-    return {row.recording: row for row in score(root, cache / case.folder / "bags").silhouettes}
+    wanted = {f"{each}{SUFFIX}" for each in case.names}
+    rows = score(root, cache / case.folder / "bags").silhouettes
+    return {row.recording: row for row in rows if row.recording in wanted}
 
 
 def nuisance_row(nuisance: str, use: str, found: list[dict[str, Scores]]) -> str:

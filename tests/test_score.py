@@ -214,6 +214,18 @@ def test_recordings_one_by_one_and_pooled(built: tuple[Path, Path]) -> None:
     }
 
 
+def test_recordings_in_which_nothing_was_found_have_a_coverage_of_nothing(tmp_path: Path) -> None:
+    """No silhouette, so that the table of the central curves has no row of any recording."""
+    silhouettes, curves, truth = color_tables(shift_px=0)
+    (folder := tmp_path / "recordings" / f"{NAME}.truth").mkdir(parents=True)
+    truth.to_parquet(folder / "color.parquet")
+    for table, rows in (("silhouettes", silhouettes.assign(mask=None)), ("central_curves", curves[:0])):
+        (folder := tmp_path / "features" / table / "garment=GreenTowel" / "holding=Ruler").mkdir(parents=True)
+        rows.assign(recording=pd.Series([NAME] * len(rows), dtype=str)).to_parquet(folder / f"{NAME}.parquet")
+    (row,) = score(tmp_path / "features", tmp_path / "recordings").silhouettes
+    assert (row.coverage, row.iou_mean) == (0, None)
+
+
 def test_nothing_to_compare_is_said(built: tuple[Path, Path]) -> None:
     features_folder, recordings = built
     with pytest.raises(StoreError, match=r"no truth: expected <recording>\.truth"):

@@ -155,8 +155,12 @@ def _read_truth(path: Path) -> pd.DataFrame:
 
 
 def _tables(features: Path, table: str, truth: Mapping[str, Path]) -> dict[str, pd.DataFrame]:
-    """Return a table by recording, of those with truth; nothing when it was not built, or is of groups."""
-    if not truth or not any(path.stem in truth for path in result_files(features, table)):
+    """Return a table by recording, of those with truth; nothing when it was not built, is of groups, or has no rows."""
+    import pyarrow.parquet as pq
+
+    files = [path for path in result_files(features, table) if path.stem in truth]
+    known = [path.stem for path in files if pq.read_metadata(path).num_rows]
+    if not known:
         return {}
-    rows = load_features(table, folder=features, recording=list(truth))
+    rows = load_features(table, folder=features, recording=known)
     return {str(name): own for name, own in rows.groupby("recording", sort=True)}
