@@ -85,7 +85,7 @@ To reach: IoU 0.97, of sheets seen edge-on 0.93; axis 0.3 degrees; midline 1 px.
 
 ## Error against nuisance
 
-One nuisance alone, drawn from a seed, then all together (`wide`). *Chosen on*: seeds 101 to 111, which the pipeline's
+One nuisance alone, drawn from a seed, then all together (`wide`). *Chosen on*: seeds 100 to 111, which the pipeline's
 constants were chosen on; *held out*: seeds from 201, which nothing was chosen on.
 
 | nuisance | | recordings | coverage % | IoU | worst | axis, deg | midline, px | thesis: coverage % | IoU | axis, deg |
@@ -104,7 +104,8 @@ brightness or for shadows, before the largest monochrome part of the background.
 The towel and the shirt on the ruler are the sheets that are seen open, at an angle or edge-on. The end of the ruler
 that hangs below the gripper's row counts as garment and costs them up to 0.02. A sheet has no thickness: seen edge-on
 it is 1 to 6 px wide and broken into dashes in some frames, which are the worst ones here. Painted ones of 8 px, with
-blur, noise and shadow, are found with an IoU above 0.97 (`tests/vision/color/test_shadow.py`).
+blur, noise and shadow, are found with an IoU above 0.97, grey ones above 0.8 (`tests/vision/color/test_shadow.py`).
+A garment of the wall's hue (`wall_hue`) is the one nuisance on which the thesis' method does better.
 """
 
 
