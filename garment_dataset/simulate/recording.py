@@ -211,6 +211,7 @@ class _Making:
         shutil.rmtree(folder, ignore_errors=True)
         folder.mkdir()
         truth_tables.write_points(folder / "points.parquet", depth_times, view)
+        truth_tables.write_tracks(folder / "tracks.parquet", depth_times, view)
         truth_tables.write_color(folder / "color.parquet", rows)
         truth_tables.write_scene(folder / "scene.json", self._facts(spec, mesh, fabric, holding, swing, scale))
         return bag

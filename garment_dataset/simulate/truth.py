@@ -100,6 +100,11 @@ class GarmentView:
         """Return its velocity, shape (3,)."""
         return self._pose.turn(self._swing.gripper_velocity_m_s(time_s))
 
+    def surface_state(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Return the vertices of the visible mesh and their velocities, each (V, 3)."""
+        position, velocity = self._trajectory.at(time_s)
+        return self._surface.apply(position), self._surface.apply(velocity)
+
     def material_line(self, time_s: float) -> tuple[Polyline, NDArray[np.float64]]:
         """Return the material line and the velocities of its nodes, shape (65, 3)."""
         position, velocity = self._trajectory.at(time_s)

@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 
 from garment_dataset.engine.table import Column
 from garment_dataset.simulate import truth
+from garment_dataset.simulate.followed import seen_on
 from garment_dataset.simulate.scene import COLOR_CAMERA
 
 if TYPE_CHECKING:
@@ -50,6 +51,18 @@ POINT_COLUMNS = (
     *_vector("material", "the point on the material line", nullable=False),
     Column("material_length_m", "float64", "m", "length of the material line at this time"),
     *_vector("gripper", "the gripper's end point", nullable=False),
+)
+
+TRACK_COLUMNS = (
+    _FRAME,
+    _STAMP,
+    Column("point", "int32", "1", "number of the point, 1 next to the gripper"),
+    Column("x_m", "float64", "m", "the material point, depth optical frame, right"),
+    Column("y_m", "float64", "m", "the material point, depth optical frame, down"),
+    Column("z_m", "float64", "m", "the material point, depth optical frame, forward"),
+    Column("vx_m_s", "float64", "m/s", "its velocity, right"),
+    Column("vy_m_s", "float64", "m/s", "its velocity, down"),
+    Column("vz_m_s", "float64", "m/s", "its velocity, forward"),
 )
 
 COLOR_COLUMNS = (
@@ -119,6 +132,31 @@ def write_points(path: Path, times: FrameTimes, view: GarmentView) -> None:
     rows = [point_rows(index, stamp, time_s, view) for index, (stamp, time_s) in enumerate(frames)]
     columns = {column.name: np.concatenate([row[column.name] for row in rows]) for column in POINT_COLUMNS}
     _write(path, POINT_COLUMNS, columns, "one point of one depth frame")
+
+
+def write_tracks(path: Path, times: FrameTimes, view: GarmentView) -> None:
+    """Write ``tracks.parquet``: the points that divide the visible profile of the first depth frame, followed.
+
+    Nothing is written when that frame shows no profile, or when there is no frame.
+    """
+    if len(times.time_s) == 0:
+        return
+    first_s = float(times.time_s[0])
+    start_m = view.surface_points(first_s)[0]
+    if not np.isfinite(start_m).all():
+        return
+    followed = seen_on(start_m, view.surface_m(first_s), view.triangles)
+    states = [[followed.apply(values) for values in view.surface_state(time_s)] for time_s in times.time_s.tolist()]
+    position_m, velocity_m_s = np.array(states).transpose(1, 0, 2, 3).reshape(2, -1, 3)
+    frames, count = len(states), len(start_m)
+    columns: dict[str, Any] = {
+        "frame": np.repeat(np.arange(frames), count),
+        "stamp_ns": np.repeat(times.stamp_ns, count),
+        "point": np.tile(np.arange(1, count + 1), frames),
+        **{f"{axis}_m": position_m[:, k] for k, axis in enumerate("xyz")},
+        **{f"v{axis}_m_s": velocity_m_s[:, k] for k, axis in enumerate("xyz")},
+    }
+    _write(path, TRACK_COLUMNS, columns, "one followed point of one depth frame")
 
 
 def write_color(path: Path, rows: Sequence[Mapping[str, Any]]) -> None:
