@@ -34,5 +34,6 @@ STAGES = (
     "silhouette",
     "central_curve",
     "quality",
+    "tracks",
 )
 """The stages that the package brings: each is ``STAGE`` in the module of its name here."""

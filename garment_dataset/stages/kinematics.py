@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, Literal, Self
 from pydantic import Field, model_validator
 
 from garment_dataset.engine.table import Column, TableSpec
+from garment_dataset.errors import PipelineError
 from garment_dataset.stages.columns import FRAME, STAMP
 from garment_dataset.stages.stage import Stage, StageParams
 
@@ -71,6 +72,11 @@ KINEMATICS = TableSpec(
 class KinematicsParams(StageParams):
     """What counts as motion, and how velocity is taken."""
 
+    source: Literal["points", "tracks"] = Field(
+        default="points",
+        description="whose motion: points of equal shares of what is seen, or tracks, which stay on the material; the "
+        "pipeline must then have the stage tracks",
+    )
     onset_threshold_m: float = Field(
         default=0.002,
         gt=0,
@@ -136,7 +142,9 @@ class _Tracks:
     reasons: list[list[str | None]]  # T lists of P
 
 
-def kinematics(points: pa.Table, gripper: pa.Table, params: KinematicsParams) -> dict[str, pa.Table]:
+def kinematics(
+    points: pa.Table, gripper: pa.Table, params: KinematicsParams, tracks: pa.Table | None = None
+) -> dict[str, pa.Table]:
     """Relate the points to their rest, and differentiate them.
 
     Parameters
@@ -145,6 +153,8 @@ def kinematics(points: pa.Table, gripper: pa.Table, params: KinematicsParams) ->
         As ``depth_points`` and ``decode`` made them; rows are matched by the index of the image.
     params : KinematicsParams
         See there.
+    tracks : pyarrow.Table, optional
+        As the stage of that name made it, where the pipeline has it.
 
     Returns
     -------
@@ -152,6 +162,11 @@ def kinematics(points: pa.Table, gripper: pa.Table, params: KinematicsParams) ->
         ``kinematics``: for every frame of ``points`` the gripper as point 0 and the points. Time and displacement are
         null when the gripper never moves or its rest was not seen; position, velocity and acceleration are there all
         the same. The thesis' method has no acceleration.
+
+    Raises
+    ------
+    PipelineError
+        If its source is the tracks, and there are none.
 
     Notes
     -----
@@ -162,22 +177,36 @@ def kinematics(points: pa.Table, gripper: pa.Table, params: KinematicsParams) ->
     from garment_dataset.vision.kinematics import increasing
     from garment_dataset.vision.onset import find_onset
 
-    tracks = _tracks(points, gripper)
-    kept = np.flatnonzero(increasing(tracks.stamp_ns))
-    onset = find_onset(tracks.stamp_ns[kept], tracks.position_m[kept, 0], params.onset_settings())
-    count = tracks.position_m.shape[1]
+    moving = _moving(_source(points, tracks, params), gripper)
+    kept = np.flatnonzero(increasing(moving.stamp_ns))
+    onset = find_onset(moving.stamp_ns[kept], moving.position_m[kept, 0], params.onset_settings())
+    count = moving.position_m.shape[1]
     columns: dict[str, Any] = {
-        "frame": np.repeat(tracks.frame, count),
-        "stamp_ns": np.repeat(tracks.stamp_ns, count),
-        "point": np.tile(np.arange(count), tracks.frame.size),
-        **_per_axis("", "m", tracks.position_m, tracks.std_m),
-        **_since_onset(tracks, kept, onset),
-        **_derivatives(tracks, kept, params),
-        "pixels": tracks.pixels.ravel(),
-        "bridged_m": tracks.bridged_m.ravel(),
-        "reason": [reason for reasons in tracks.reasons for reason in reasons],
+        "frame": np.repeat(moving.frame, count),
+        "stamp_ns": np.repeat(moving.stamp_ns, count),
+        "point": np.tile(np.arange(count), moving.frame.size),
+        **_per_axis("", "m", moving.position_m, moving.std_m),
+        **_since_onset(moving, kept, onset),
+        **_derivatives(moving, kept, params),
+        "pixels": moving.pixels.ravel(),
+        "bridged_m": moving.bridged_m.ravel(),
+        "reason": [reason for reasons in moving.reasons for reason in reasons],
     }
     return {"kinematics": KINEMATICS.table(columns)}
+
+
+def _source(points: pa.Table, tracks: pa.Table | None, params: KinematicsParams) -> pa.Table:
+    """Return the table whose points are asked for."""
+    if params.source == "points":
+        return points
+    if tracks is None:
+        raise PipelineError(
+            "no table tracks",
+            where="params.kinematics",
+            found='source = "tracks"',
+            hint="Add the stage tracks to the pipeline, or leave source out.",
+        )
+    return tracks
 
 
 def _per_axis(name: str, unit: str, values: FloatArray, std: FloatArray) -> dict[str, FloatArray]:
@@ -195,7 +224,7 @@ def _spread(values: NDArray[Any], kept: IntArray, count: int) -> NDArray[Any]:
     return spread
 
 
-def _tracks(points: pa.Table, gripper: pa.Table) -> _Tracks:
+def _moving(points: pa.Table, gripper: pa.Table) -> _Tracks:
     import numpy as np
 
     frame, first, row = np.unique(points["frame"].to_numpy(), return_index=True, return_inverse=True)
