@@ -244,7 +244,9 @@ def test_points_lie_on_real_cloth(method: Literal["thesis", "profile"]) -> None:
             depth_m = image.pixels() / 1000
             for row in np.flatnonzero(points["frame"] == image.index):
                 around_m = depth_m[v_px[row] - 2 : v_px[row] + 3, u_px[row] - 10 : u_px[row] + 11]
-                assert np.median(around_m[around_m > 0]) == pytest.approx(points["z_m"][row], abs=0.006)
+                # between its neighbours, by a step of the sensor: on a fold, a median is no better known than the point
+                low_m, high_m = np.quantile(around_m[around_m > 0], [0.1, 0.9])
+                assert low_m - 0.0034 <= points["z_m"][row] <= high_m + 0.0034
 
 
 @pytest.mark.real
