@@ -208,7 +208,9 @@ def calibration_section(errors: dict[Recording, list[Errors]]) -> str:
     for holding in dict.fromkeys(map(holding_of, errors)):
         for index, method in enumerate(CALIBRATED):
             row = pooled([own[index] for recording, own in errors.items() if holding_of(recording) == holding], "")[0]
-            variances = (row.x_variance, row.y_variance, row.z_variance, row.vz_variance)
+            # of an exact gripper x has neither an error nor an uncertainty
+            of_x = None if method is EXACT_GRIPPER else row.x_variance
+            variances = (of_x, row.y_variance, row.z_variance, row.vz_variance)
             rows.append([holding, method.name, *(number(value) for value in variances)])
     return table(["holding", "method", "x", "y", "z", "v_z"], rows)
 
