@@ -188,8 +188,8 @@ errors are within the 95 % intervals. Off z and the displacement dz the error co
 *z, common* have both in.
 
 Formulas and numbers were chosen on the seeds {chosen}. Of the held-out seeds, those of `wide` below 15 were looked at
-before three terms were set: the hold's own uncertainty, half a row at the hem, and twice the variance of what is smoothed;
-{untouched} only when all of these were. The profiles (surfaces of second order) were made without any of these recordings.
+before three terms were set (the hold's own uncertainty, half a row at the hem, twice the variance of what is smoothed),
+{untouched} only when all of these were. The profiles of second order were made without any of these recordings.
 
 Ruler, seed {one}, chosen on:
 
