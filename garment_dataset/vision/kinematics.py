@@ -184,6 +184,36 @@ def local_polynomial(
     fold passes, the variance is :math:`s^2 \sum_k c_k^2` instead, with :math:`s^2` the sum of squared residuals over
     the degrees of freedom (Birge, 1932). Errors are taken as independent from frame to frame.
     """
+    fits = _fits_around(stamp_ns, position_m, frames, degree)
+    others_std_m = np.where(fits.weight[:, :, None], std_m[fits.others], 0)
+    scatter_m2 = _scatter_m2(fits.elapsed_s, fits.weight, fits.away_m, degree)
+    derivatives = _derivatives(fits, position_m.shape, degree)
+    missed = _curvature_missed(derivatives, stamp_ns, position_m, frames, degree)
+    stds = np.full((2, *position_m.shape), np.nan)
+    for order in range(1, min(degree, 2) + 1):
+        coefficients = fits.coefficients(degree, order)
+        stated = ((coefficients * others_std_m) ** 2).sum(axis=1)
+        seen = (coefficients**2).sum(axis=1) * scatter_m2
+        stds[order - 1][fits.own] = np.sqrt(np.maximum(stated, seen) + missed[order - 1][fits.own])
+    return Derivatives(derivatives[0], stds[0], derivatives[1], stds[1])
+
+
+class _Fits(NamedTuple):
+    """What the polynomials are fitted to, one around each of n positions that has enough others around it."""
+
+    own: tuple[IntArray, IntArray]  # frames and points (n,)
+    others: tuple[IntArray, IntArray]  # frames (n, k) around each, and points (n, 1)
+    weight: BoolArray  # (n, k), whether that position was found
+    elapsed_s: FloatArray  # (n, k)
+    away_m: FloatArray  # (n, k, 3), 0 where it was not
+
+    def coefficients(self, degree: int, order: int) -> FloatArray:
+        """Return what a derivative is the sum of the positions with, (n, k, 1)."""
+        found: FloatArray = _coefficients(self.elapsed_s, self.weight.astype(np.float64), degree, order)[:, :, None]
+        return found
+
+
+def _fits_around(stamp_ns: IntArray, position_m: FloatArray, frames: int, degree: int) -> _Fits:
     found = _found(position_m)
     first = np.clip(np.arange(stamp_ns.size) - frames // 2, 0, max(stamp_ns.size - frames, 0))
     neighbour = first[:, None] + np.arange(min(frames, stamp_ns.size))
@@ -193,51 +223,31 @@ def local_polynomial(
     elapsed_s = ((stamp_ns[neighbour] - stamp_ns[:, None]) / 1e9)[frame]
     others = neighbour[frame], point[:, None]
     away_m = np.where(weight[:, :, None], position_m[others] - position_m[frame, point][:, None, :], 0)
-    others_std_m = np.where(weight[:, :, None], std_m[others], 0)
-    scatter_m2 = _scatter_m2(elapsed_s, weight, away_m, degree)
-
-    curved = _curvature_missed(stamp_ns, position_m, frames, degree)
-    derivatives = Derivatives(*(np.full_like(position_m, np.nan) for _ in range(4)))
-    for order in range(1, min(degree, 2) + 1):
-        coefficients = _coefficients(elapsed_s, weight.astype(np.float64), degree, order)[:, :, None]
-        stated = ((coefficients * others_std_m) ** 2).sum(axis=1)
-        seen = (coefficients**2).sum(axis=1) * scatter_m2
-        derivatives[2 * order - 2][frame, point] = (coefficients * away_m).sum(axis=1)
-        derivatives[2 * order - 1][frame, point] = np.sqrt(np.maximum(stated, seen) + curved[order - 1][frame, point])
-    return derivatives
+    return _Fits((frame, point), others, weight, elapsed_s, away_m)
 
 
 def _curvature_missed(
-    stamp_ns: IntArray, position_m: FloatArray, frames: int, degree: int
+    derivatives: FloatArray, stamp_ns: IntArray, position_m: FloatArray, frames: int, degree: int
 ) -> tuple[FloatArray, FloatArray]:
     """Return the mean square by which first and second derivatives change in fits of two thirds of the length."""
     shorter = 2 * (frames // 3) + 1
     nothing = np.zeros_like(position_m)
     if shorter <= degree + 1 or shorter == frames:
         return nothing, nothing
-    found = [_derivatives(stamp_ns, position_m, length, degree) for length in (frames, shorter)]
+    of_shorter = _derivatives(_fits_around(stamp_ns, position_m, shorter, degree), position_m.shape, degree)
     first, second = (
-        _running_mean(np.nan_to_num((one - other) ** 2), frames) for one, other in zip(*found, strict=True)
+        _running_mean(np.nan_to_num((one - other) ** 2), frames)
+        for one, other in zip(derivatives, of_shorter, strict=True)
     )
     return first, second
 
 
-def _derivatives(stamp_ns: IntArray, position_m: FloatArray, frames: int, degree: int) -> tuple[FloatArray, FloatArray]:
-    """Return both derivatives of the fitted polynomials, (T, P, 3); NaN where they cannot be had."""
-    found = _found(position_m)
-    first = np.clip(np.arange(stamp_ns.size) - frames // 2, 0, max(stamp_ns.size - frames, 0))
-    neighbour = first[:, None] + np.arange(min(frames, stamp_ns.size))
-    used = found[neighbour]
-    frame, point = np.nonzero(found & (used.sum(axis=1) > degree))
-    weight = used[frame, :, point]
-    elapsed_s = ((stamp_ns[neighbour] - stamp_ns[:, None]) / 1e9)[frame]
-    away_m = position_m[neighbour[frame], point[:, None]] - position_m[frame, point][:, None, :]
-    away_m = np.where(weight[:, :, None], away_m, 0)
-    both = np.full((2, *position_m.shape), np.nan)
+def _derivatives(fits: _Fits, shape: tuple[int, ...], degree: int) -> FloatArray:
+    """Return both derivatives of the fitted polynomials, (2, T, P, 3); NaN where they cannot be had."""
+    both = np.full((2, *shape), np.nan)
     for order in range(1, min(degree, 2) + 1):
-        coefficients = _coefficients(elapsed_s, weight.astype(np.float64), degree, order)[:, :, None]
-        both[order - 1][frame, point] = (coefficients * away_m).sum(axis=1)
-    return both[0], both[1]
+        both[order - 1][fits.own] = (fits.coefficients(degree, order) * fits.away_m).sum(axis=1)
+    return both
 
 
 def _running_mean(values: FloatArray, frames: int) -> FloatArray:
