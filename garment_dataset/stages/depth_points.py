@@ -10,7 +10,7 @@ from pydantic import Field
 from garment_dataset.engine.table import Column, TableSpec
 from garment_dataset.errors import DataWarning
 from garment_dataset.stages.cameras import depth_reading
-from garment_dataset.stages.columns import FRAME, STAMP
+from garment_dataset.stages.columns import FRAME, PLACE, STAMP
 from garment_dataset.stages.inputs import known_grippers_m, usable_stamps_ns
 from garment_dataset.stages.stage import Stage, StageParams
 
@@ -56,12 +56,7 @@ POINTS = TableSpec(
         FRAME,
         STAMP,
         Column("point", "int32", "1", "number of the point, 1 next to the gripper"),
-        Column("x_m", "float64", "m", "depth optical frame, right", nullable=True, uncertainty="x_std_m"),
-        Column("y_m", "float64", "m", "depth optical frame, down", nullable=True, uncertainty="y_std_m"),
-        Column("z_m", "float64", "m", "depth optical frame, forward", nullable=True, uncertainty="z_std_m"),
-        Column("x_std_m", "float64", "m", "standard uncertainty of x", nullable=True),
-        Column("y_std_m", "float64", "m", "standard uncertainty of y", nullable=True),
-        Column("z_std_m", "float64", "m", "standard uncertainty of z", nullable=True),
+        *PLACE,
         Column(
             "z_common_m",
             "float64",

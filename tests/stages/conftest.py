@@ -12,7 +12,7 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from garment_dataset.engine.table import Label
 from garment_dataset.stages import stage
 from garment_dataset.stages.cameras import CAMERA
-from garment_dataset.stages.decode import FRAMES, GRIPPER
+from garment_dataset.stages.decode_tables import FRAMES, GRIPPER
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -8,7 +8,8 @@ import pytest
 from garment_dataset.bags.rosbag1 import Rosbag1
 from garment_dataset.errors import BagError, DataWarning
 from garment_dataset.stages.cameras import CAMERA
-from garment_dataset.stages.decode import FRAMES, GRIPPER, JOINTS, STAGE, WORLD, DecodeParams, decode
+from garment_dataset.stages.decode import STAGE, DecodeParams, decode
+from garment_dataset.stages.decode_tables import FRAMES, GRIPPER, JOINTS, WORLD
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from garment_dataset.stages.cameras import CAMERA
-from garment_dataset.stages.decode import FRAMES, GRIPPER
+from garment_dataset.stages.decode_tables import FRAMES, GRIPPER
 from garment_dataset.stages.depth_points import DepthPointsParams, depth_points
 
 if TYPE_CHECKING:

@@ -8,7 +8,7 @@ import pyarrow as pa
 import pytest
 from pydantic import ValidationError
 
-from garment_dataset.stages.decode import GRIPPER
+from garment_dataset.stages.decode_tables import GRIPPER
 from garment_dataset.stages.depth_points import POINTS
 from garment_dataset.stages.kinematics import KINEMATICS, KinematicsParams, kinematics
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from garment_dataset.stages.decode import GRIPPER
+from garment_dataset.stages.decode_tables import GRIPPER
 from garment_dataset.stages.depth_points import POINTS
 from garment_dataset.stages.kinematics import KinematicsParams, kinematics
 from garment_dataset.stages.motion import MotionParams, motion
@@ -76,7 +76,7 @@ def test_what_is_said_of_a_whole_recording() -> None:
 
 
 def test_gravity_is_that_of_the_world_else_along_the_garment() -> None:
-    from garment_dataset.stages.decode import WORLD
+    from garment_dataset.stages.decode_tables import WORLD
 
     tables = recorded()
     hanging = the_row(tables)

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from garment_dataset.stages.cameras import CAMERA
-from garment_dataset.stages.decode import FRAMES, GRIPPER
+from garment_dataset.stages.decode_tables import FRAMES, GRIPPER
 from garment_dataset.stages.depth_images import known_sensor
 from garment_dataset.stages.sensor import SensorParams, sensor
 
