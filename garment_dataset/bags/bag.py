@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from garment_dataset.bags.definitions import UNREADABLE, leading_header, reason, typestore_of
 from garment_dataset.bags.headers import ImageHeader, read_image, read_stamp_ns
-from garment_dataset.bags.messages import Glance, ImageMessage, Message, Record, Topic
+from garment_dataset.bags.messages import Glance, ImageMessage, Message, Record, Topic, image_forms
 from garment_dataset.errors import BagError, DataWarning, MessageError, SourceError
 
 if TYPE_CHECKING:
@@ -81,8 +81,7 @@ class Bag(ABC):
 
     def image_topic(self, base: str) -> str | None:
         """Return the topic that carries the images of ``base``: itself, or a compressed form; None if none has any."""
-        names = (base, f"{base}/compressedDepth", f"{base}/compressed")
-        return next((name for name in names if name in self.topics and self.topics[name].count), None)
+        return next((name for name in image_forms(base) if name in self.topics and self.topics[name].count), None)
 
     def images(self, topic: str, kind: Kind) -> Iterator[ImageMessage]:
         """Yield every image message of a topic, faulty ones too.

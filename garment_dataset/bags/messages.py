@@ -53,6 +53,11 @@ class Topic:
     count: int
 
 
+def image_forms(base: str) -> tuple[str, str, str]:
+    """Return the topics that may carry the images of ``base``: itself, and its compressed forms."""
+    return base, f"{base}/compressedDepth", f"{base}/compressed"
+
+
 @dataclass(frozen=True, slots=True)
 class Message:
     """One deserialised message.

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from garment_dataset.bags import Bag, ImageMessage
+    from garment_dataset.bags import ImageMessage
     from garment_dataset.checks.contract import Contract, Stream
     from garment_dataset.checks.facts import Facts
 
@@ -87,19 +87,17 @@ def read_content(path: Path, contract: Contract) -> Content:
     """
     with warnings.catch_warnings(), open_bag(path) as bag:
         warnings.simplefilter("ignore", DataWarning)  # `garment check` tells them
-        facts = read_facts(bag, contract)
+        transforms = RecordedTransforms(bag, max_stamp_offset_s=contract.recording.max_stamp_offset_s)
+        facts = read_facts(bag, contract, transforms=transforms)
         gripper = facts.gripper
         known_m = np.zeros((0, 3)) if gripper is None else gripper.position_m[gripper.known]
         turn = turn_of_joints(read_joints(bag, _JOINTS)) if facts.topic(_JOINTS) is not None else None
         if turn is None and gripper is not None:
             turn = turn_of_gripper(gripper.stamps_ns, gripper.track.quaternion_xyzw)
-        views = list(_views(bag, facts))
+        views = list(_views(transforms, facts))
         return Content(
             start_ns=facts.start_ns,
-            messages={
-                stream: frozenset(each.digest for each in bag.glances(images.topic))
-                for stream, images in facts.images.items()
-            },
+            messages={stream: facts.topics[images.topic].digests for stream, images in facts.images.items()},
             pixels={stream: _once(each.digest for each in images.samples) for stream, images in facts.images.items()},
             axis=swing_axis(known_m),
             extent_m=np.ptp(known_m, axis=0) if len(known_m) else np.zeros(3),
@@ -124,7 +122,7 @@ class _View:
     color: Color | None
 
 
-def _views(bag: Bag, facts: Facts) -> Iterator[_View]:
+def _views(transforms: RecordedTransforms, facts: Facts) -> Iterator[_View]:
     """Look at the garment in some depth images before the gripper moves, and in the colour images beside them."""
     gripper, camera = facts.gripper, facts.cameras["depth"].camera if "depth" in facts.images else None
     if gripper is None or camera is None or not gripper.known.any():
@@ -133,8 +131,8 @@ def _views(bag: Bag, facts: Facts) -> Iterator[_View]:
     left = gripper.known & (np.linalg.norm(position_m - position_m[first], axis=1) > _REST_M)
     end = int(left.argmax()) if left.any() else len(left)
     chosen = np.unique(np.linspace(first, max(first, end - 1), _VIEWS).round().astype(int))
-    by_stamp = {each.stamp_ns: each for each in bag.images(facts.images["depth"].topic, "depth")}
-    colors = _Colors(bag, facts)
+    by_stamp = {each.stamp_ns: each for each in transforms.bag.images(facts.images["depth"].topic, "depth")}
+    colors = _Colors(transforms, facts)
     for place in chosen[gripper.known[chosen]]:
         image = by_stamp[int(gripper.stamps_ns[place])]
         try:
@@ -148,12 +146,12 @@ def _views(bag: Bag, facts: Facts) -> Iterator[_View]:
 class _Colors:
     """The colour images of a recording, and where points of the depth camera lie in them."""
 
-    def __init__(self, bag: Bag, facts: Facts) -> None:
-        images = facts.images.get("color")
+    def __init__(self, transforms: RecordedTransforms, facts: Facts) -> None:
+        images, bag = facts.images.get("color"), transforms.bag
         self._camera = None if images is None else facts.cameras["color"].camera
         self._images = [] if images is None else [each for each in bag.images(images.topic, "color") if not each.fault]
         self._stamps_ns = np.array([each.stamp_ns for each in self._images], np.int64)
-        self._transforms = RecordedTransforms(bag)
+        self._transforms = transforms
 
     def of(self, points_m: NDArray[np.float64], image: ImageMessage) -> Color | None:
         """Return the colour of points of a depth image; None where nothing says where they are in a colour image."""

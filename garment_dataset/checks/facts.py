@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from garment_dataset.bags.messages import image_forms
+
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
@@ -38,6 +40,8 @@ class TopicFacts:
     times_ns : (N,) int64
         When its messages were sent, in order, on the clock of the recorder: header stamps that can be believed, less
         their median distance from the record times; without header, record times. Doubled messages count once.
+    digests : frozenset of bytes
+        Of its messages, as far as they can be read: see :class:`~garment_dataset.bags.messages.Glance`.
     doubled : Some or None
         Messages that are another one again: of the same stamp, length, beginning and end.
     lost : Some or None
@@ -54,6 +58,7 @@ class TopicFacts:
     types: tuple[str, ...]
     count: int
     times_ns: NDArray[np.int64]
+    digests: frozenset[bytes] = frozenset()
     doubled: Some | None = None
     lost: Some | None = None
     stamp_faults: Mapping[int, StampFault] = field(default_factory=dict)
@@ -218,6 +223,5 @@ class Facts:
 
     def topic(self, base: str) -> TopicFacts | None:
         """Return a topic that has messages: itself, or of images a compressed form; else itself, if there."""
-        names = (base, f"{base}/compressedDepth", f"{base}/compressed")
-        found = [self.topics[name] for name in names if name in self.topics]
+        found = [self.topics[name] for name in image_forms(base) if name in self.topics]
         return next((topic for topic in found if topic.count), found[0] if found else None)

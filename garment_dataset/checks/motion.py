@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
+from garment_dataset.bags.quaternions import conjugate, multiply
+
 if TYPE_CHECKING:
     from collections.abc import Iterable
 
@@ -78,20 +80,14 @@ def turn_of_gripper(stamp_ns: NDArray[np.int64], quaternion_xyzw: NDArray[np.flo
     known = np.isfinite(quaternion_xyzw).all(axis=1)
     if known.sum() < 2:
         return None
-    turned = _relative(quaternion_xyzw[known])
+    quaternions = [(x, y, z, w) for x, y, z, w in quaternion_xyzw[known].tolist()]
+    back = conjugate(quaternions[0])
+    turned = np.array([multiply(each, back) for each in quaternions])
     turned = np.where(turned[:, 3:] < 0, -turned, turned)
     sine = np.linalg.norm(turned[:, :3], axis=1)
     axis = turned[sine.argmax(), :3] / max(sine.max(), 1e-12)
     angle_rad = 2 * np.arctan2(turned[:, :3] @ axis, turned[:, 3])
     return _turn("gripper", stamp_ns[known].tolist(), angle_rad.tolist())
-
-
-def _relative(quaternion_xyzw: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return each rotation behind the inverse of the first."""
-    vector, scalar = quaternion_xyzw[:, :3], quaternion_xyzw[:, 3]
-    first, first_scalar = -vector[0], scalar[0]
-    turned = scalar[:, None] * first + first_scalar * vector + np.cross(vector, first)
-    return np.column_stack([turned, scalar * first_scalar - vector @ first])
 
 
 def _turn(joint: str, stamp_ns: list[int], angle_rad: list[float]) -> Turn | None:

@@ -35,7 +35,14 @@ _SAMPLES = 24
 """Images that are looked at per stream: three a second of a usual recording."""
 
 
-def read_facts(bag: Bag, contract: Contract, *, axis: str | None = None, background: str | None = None) -> Facts:
+def read_facts(
+    bag: Bag,
+    contract: Contract,
+    *,
+    axis: str | None = None,
+    background: str | None = None,
+    transforms: RecordedTransforms | None = None,
+) -> Facts:
     """Read all that checks judge by.
 
     Parameters
@@ -46,6 +53,8 @@ def read_facts(bag: Bag, contract: Contract, *, axis: str | None = None, backgro
         Says which streams are looked at, and where the gripper is to be found.
     axis, background
         See :class:`~garment_dataset.checks.facts.Facts`.
+    transforms : RecordedTransforms, optional
+        Those of the bag, for whoever asks for more of them; by default they are read here.
 
     Raises
     ------
@@ -64,7 +73,7 @@ def read_facts(bag: Bag, contract: Contract, *, axis: str | None = None, backgro
         }
         images = {stream: image_facts(str(sources[stream]), stream, seen) for stream, seen in messages.items()}
         cameras = {stream: _camera_facts(bag, rule, images.get(stream)) for stream, rule in contract.streams.items()}
-        gripper = _gripper_facts(bag, contract, messages)
+        gripper = _gripper_facts(bag, contract, messages, transforms)
     max_offset_s = contract.recording.max_stamp_offset_s
     return Facts(
         start_ns=min(times_ns),
@@ -129,6 +138,7 @@ def topic_facts(topic: Topic, glances: Sequence[Glance], max_offset_s: float) ->
         topic.types,
         topic.count,
         np.sort(np.array(times_ns, np.int64)),
+        frozenset(each.digest for each in glances if each.fault is None),
         _some(glances, [(number, "the same as an earlier one") for number in doubled]),
         _some(glances, lost),
         faults,
@@ -193,7 +203,9 @@ def _camera_facts(bag: Bag, rule: StreamRule, images: ImageFacts | None) -> Came
     return CameraFacts(topic, camera, None, missing)
 
 
-def _gripper_facts(bag: Bag, contract: Contract, messages: Images) -> GripperFacts | None:
+def _gripper_facts(
+    bag: Bag, contract: Contract, messages: Images, transforms: RecordedTransforms | None
+) -> GripperFacts | None:
     """Return the gripper at the images whose stamps can be believed."""
     rule = contract.gripper
     images = [each for each in messages.get("depth") or messages.get("color") or () if each.fault is None]
@@ -210,7 +222,7 @@ def _gripper_facts(bag: Bag, contract: Contract, messages: Images) -> GripperFac
         camera_frame=rule.camera_frame or images[0].frame_id or "",
         gripper_frame=rule.frame,
         topic=rule.topic,
-        transforms=RecordedTransforms(bag, max_stamp_offset_s=max_offset_s),
+        transforms=transforms or RecordedTransforms(bag, max_stamp_offset_s=max_offset_s),
         stream="depth" if messages.get("depth") else "color",
     )
     times_ns = np.array([each.record_stamp_ns for each in used], np.int64)

@@ -128,8 +128,9 @@ class _Watcher:
         from garment_dataset.catalog.schemes import scheme_of
 
         found = scan(self.place.recordings_dir, scheme_of(self.place))
-        states = {name: state for name, path in _paths_of(found).items() if (state := _state_of(path)) is not None}
-        self._paths = {name: path for name, path in _paths_of(found).items() if name in states}
+        paths = {str(bag.name): bag.path for bag in found.bags}
+        states = {name: state for name, path in paths.items() if (state := _state_of(path)) is not None}
+        self._paths = {name: paths[name] for name in states}
         there = {*states, *map(str, found.unfinished), _BUILD}
         self._said = {key: line for key, line in self._said.items() if key in there}
         self._say_others(found)
@@ -247,10 +248,6 @@ class _Watcher:
 
         with Session(self.place, names) as session:
             yield session
-
-
-def _paths_of(found: FolderScan) -> dict[str, Path]:
-    return {str(bag.name): bag.path for bag in found.bags}
 
 
 def _print(word: str, name: str, text: str) -> None:
