@@ -19,8 +19,9 @@ import numpy as np
 from garment_dataset.catalog import Catalog
 from garment_dataset.catalog.names import RecordingName, parse_bag_name
 from garment_dataset.simulate import scene, sensor, truth
-from garment_dataset.simulate.cloth import Hanging, build_mesh
+from garment_dataset.simulate.cloth import build_mesh
 from garment_dataset.simulate.garments import cloth_of, fabric_of, unusual
+from garment_dataset.simulate.hanging import Hanging
 from garment_dataset.simulate.motion import Swing
 from garment_dataset.simulate.nuisance import draw_nuisance
 from garment_dataset.simulate.nuisance_depth import DepthNuisance

@@ -1,4 +1,4 @@
-"""The garment as a sheet: its outline, its mesh, where it is held and how it hangs at first.
+"""The garment as a sheet: its outline, its mesh, and where it is held.
 
 A garment is one sheet without thickness, of the size and the mass of table 4.1. Garments whose larger size is the span
 of their sleeves get the outline of a shirt. Material coordinates are metres on the flat sheet: s to the right of the
@@ -7,22 +7,26 @@ middle, t down from the upper edge.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from garment_dataset.errors import GarmentError
-from garment_dataset.simulate.nuisance_cloth import USUAL_FOLDS, Folds
+from garment_dataset.simulate.hem import cut
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
+
+    from garment_dataset.simulate.hem import Hem
 
 _SLEEVED_SPAN_M = 1.0
 _BODY_SHARE = 0.42
 _SLEEVE_M = 0.17
 _GRIP_WIDTH_M = 0.05
-_BAND_WIDTH_M = 0.09
+
+BAND_WIDTH_M = 0.09
+"""How much of a collar or belt is held."""
 
 HOLDINGS = ("Ruler", "Corner", "Collar", "Belt", "Free")
 
@@ -60,6 +64,12 @@ class ClothSpec:
         size = (self.width_m, self.height_m)
         return (max(size), min(size)) if self.sleeved else size
 
+    @property
+    def body_m(self) -> float:
+        """Width of what ends in the hem: all of it, or what is between the sleeves."""
+        s_m = self.extent_m[0]
+        return _BODY_SHARE * s_m if self.sleeved else s_m
+
     def area_m2(self) -> float:
         """Area of the sheet."""
         s_m, t_m = self.extent_m
@@ -82,6 +92,8 @@ class ClothMesh:
         Vertices that move with the gripper.
     hold_m, end_m : ndarray, shape (2,)
         Material points between which the material line runs: the gripper's, and the one that hangs farthest below it.
+    to_hem_m : ndarray, shape (V,)
+        How far every vertex is from the hem, along t.
     """
 
     material_m: NDArray[np.float64]
@@ -90,6 +102,7 @@ class ClothMesh:
     held: NDArray[np.intp]
     hold_m: NDArray[np.float64]
     end_m: NDArray[np.float64]
+    to_hem_m: NDArray[np.float64]
 
 
 def _axis_nodes(extent_m: float, cell_m: float, start_m: float) -> NDArray[np.float64]:
@@ -125,7 +138,7 @@ def _cells(spec: ClothSpec, s_m: NDArray[np.float64], t_m: NDArray[np.float64]) 
     return cells
 
 
-def build_mesh(spec: ClothSpec, holding: str, cell_m: float) -> ClothMesh:
+def build_mesh(spec: ClothSpec, holding: str, cell_m: float, hem: Hem | None = None) -> ClothMesh:
     """Mesh the sheet and find the vertices that the gripper holds.
 
     Parameters
@@ -136,6 +149,8 @@ def build_mesh(spec: ClothSpec, holding: str, cell_m: float) -> ClothMesh:
         One of :data:`HOLDINGS` (figure C.1).
     cell_m : float
         Size of a cell of the grid.
+    hem : Hem, optional
+        How it is cut below; by default level, with sharp corners.
 
     Raises
     ------
@@ -157,15 +172,23 @@ def build_mesh(spec: ClothSpec, holding: str, cell_m: float) -> ClothMesh:
     used, triangles = np.unique(np.concatenate([first, second]), return_inverse=True)
     triangles = triangles.reshape(-1, 3)
     grid = np.stack(np.meshgrid(s_m, t_m), axis=-1).reshape(-1, 2)
-    material = grid[used]
+    flat = grid[used]
+    hold, end = _material_line(spec, holding, flat)
+    held = _held(spec, holding, flat, hold)
+    to_hem = spec.extent_m[1] - flat[:, 1]
+    material = flat
+    if hem is not None:
+        upper = _SLEEVE_M if spec.sleeved else 0.0
+        material, ends = (
+            cut(points, spec.body_m / 2, spec.extent_m[1], upper, hem) for points in (flat, np.stack([hold, end]))
+        )
+        hold, end = ends
     p, q, r = (material[triangles[:, k]] for k in range(3))
     area = 0.5 * np.abs((q - p)[:, 0] * (r - p)[:, 1] - (q - p)[:, 1] * (r - p)[:, 0])
     mass = np.zeros(len(material))
     for k in range(3):
         np.add.at(mass, triangles[:, k], area / 3)
-    hold, end = _material_line(spec, holding, material)
-    held = _held(spec, holding, material, hold)
-    return ClothMesh(material, triangles, mass * spec.mass_kg / mass.sum(), held, hold, end)
+    return ClothMesh(material, triangles, mass * spec.mass_kg / mass.sum(), held, hold, end, to_hem)
 
 
 def _material_line(
@@ -179,8 +202,7 @@ def _material_line(
         # a third of the way into the body: neither an edge nor the middle
         wish = np.array([-0.12 * s_m, 0.3 * t_m])
         hold = material_m[np.argmin(np.linalg.norm(material_m - wish, axis=1))]
-        body = _BODY_SHARE * s_m if spec.sleeved else s_m
-        return hold, np.array([body / 2, t_m])
+        return hold, np.array([spec.body_m / 2, t_m])
     return np.array([0.0, 0.0]), np.array([0.0, t_m])
 
 
@@ -190,115 +212,10 @@ def _held(
     offset = np.abs(material_m - hold_m)
     upper = material_m[:, 1] < 1e-9
     if holding == "Ruler":
-        width_m = _BODY_SHARE * spec.extent_m[0] if spec.sleeved else spec.extent_m[0]
-        return np.flatnonzero(upper & (offset[:, 0] <= width_m / 2 + 1e-9))
+        return np.flatnonzero(upper & (offset[:, 0] <= spec.body_m / 2 + 1e-9))
     # however coarse the mesh, the next vertices are held too: a single one would let the sheet turn about it
     beside, below = (1.001 * offset[offset[:, k] > 1e-9, k].min() for k in (0, 1))
     if holding in {"Collar", "Belt"}:
-        return np.flatnonzero(upper & (offset[:, 0] <= max(_BAND_WIDTH_M / 2, beside)))
+        return np.flatnonzero(upper & (offset[:, 0] <= max(BAND_WIDTH_M / 2, beside)))
     reach = max(_GRIP_WIDTH_M if holding == "Corner" else _GRIP_WIDTH_M / 2, beside, below)
     return np.flatnonzero(np.linalg.norm(offset, axis=1) <= reach)
-
-
-@dataclass(frozen=True)
-class Hanging:
-    """What differs from one hanging of a garment to the next.
-
-    Parameters
-    ----------
-    turn : ndarray, shape (3, 3)
-        Rotation of the held part against the gripper: a little yaw and roll.
-    slip_m : ndarray, shape (3,)
-        Its offset from the gripper's end point, sideways and forwards.
-    phase_rad, pleats, sway_m : float
-        Where the first folds begin, how narrow they are, and how the sheet sways before it settles.
-    folds : Folds
-        How it is folded into the gripper.
-    """
-
-    turn: NDArray[np.float64]
-    slip_m: NDArray[np.float64]
-    phase_rad: float
-    pleats: float
-    sway_m: float
-    folds: Folds = USUAL_FOLDS
-
-    @classmethod
-    def draw(cls, rng: np.random.Generator, folds: Folds | None = None) -> Hanging:
-        """Return one hanging, as a person's hand differs from one to the next."""
-        yaw, roll = rng.normal(0.0, 0.03), rng.normal(0.0, 0.01)
-        slip = np.array([rng.normal(0.0, 0.001), 0.0, rng.normal(0.0, 0.001)])
-        about_z = np.array([[np.cos(roll), -np.sin(roll), 0.0], [np.sin(roll), np.cos(roll), 0.0], [0.0, 0.0, 1.0]])
-        about_y = np.array([[np.cos(yaw), 0.0, np.sin(yaw)], [0.0, 1.0, 0.0], [-np.sin(yaw), 0.0, np.cos(yaw)]])
-        phase, pleats, sway = rng.uniform(0.0, 2 * np.pi), rng.uniform(0.92, 1.08), rng.normal(0.0, 0.01)
-        return cls(about_y @ about_z, slip, float(phase), float(pleats), float(sway), folds or USUAL_FOLDS)
-
-    def yawed(self, yaw_rad: float) -> Hanging:
-        """Return this hanging, turned about the vertical."""
-        cos, sin = np.cos(yaw_rad), np.sin(yaw_rad)
-        about_y = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
-        return replace(self, turn=about_y @ self.turn, slip_m=about_y @ self.slip_m)
-
-
-def initial_shape(mesh: ClothMesh, holding: str, hanging: Hanging) -> NDArray[np.float64]:
-    """Return how a person hangs the sheet into the gripper, before it settles.
-
-    Parameters
-    ----------
-    mesh : ClothMesh
-        The sheet.
-    holding : str
-        One of :data:`HOLDINGS`.
-    hanging : Hanging
-        This time's hanging.
-
-    Returns
-    -------
-    ndarray, shape (V, 3)
-        Positions relative to the gripper's end point, optical axes, metres.
-    """
-    offset = mesh.material_m - mesh.hold_m
-    down = float(np.arctan2(*(mesh.end_m - mesh.hold_m)))
-    if holding == "Ruler":
-        shape = _straight(offset, hanging.phase_rad, hanging.sway_m, hanging.folds)
-    elif holding == "Free":
-        shape = _umbrella(offset, down, hanging.phase_rad, hanging.pleats * hanging.folds.waves)
-    else:
-        strip_m, narrow = (0.0, 0.98) if holding == "Corner" else (_BAND_WIDTH_M / 2, 0.35)
-        shape = _pleated(offset, down, strip_m, narrow, hanging.phase_rad, hanging.pleats * hanging.folds.waves)
-        shape[:, 2] *= hanging.folds.forward
-    placed: NDArray[np.float64] = shape @ hanging.turn.T + hanging.slip_m
-    return placed
-
-
-def _straight(offset_m: NDArray[np.float64], phase_rad: float, sway_m: float, folds: Folds) -> NDArray[np.float64]:
-    """Return an outstretched sheet with shallow waves."""
-    x, y = offset_m.T
-    wave = folds.depth * 0.004 * np.sin(folds.waves * 2 * np.pi * x / 0.17 + phase_rad) * np.minimum(1.0, y / 0.1)
-    return np.column_stack([x, y, wave + sway_m * np.sin(np.pi * y / np.ptp(y))])
-
-
-def _pleated(
-    offset_m: NDArray[np.float64], down_rad: float, strip_m: float, narrow: float, phase_rad: float, pleats: float
-) -> NDArray[np.float64]:
-    """Return a sheet whose middle strip hangs straight and whose sides fall down beside it in pleats.
-
-    `down_rad` is the angle, from t to s, of the direction that points down.
-    """
-    cos, sin = np.cos(down_rad), np.sin(down_rad)
-    x, y = (offset_m @ np.array([[cos, sin], [-sin, cos]])).T
-    beside = np.sign(x) * np.maximum(np.abs(x) - strip_m, 0.0)
-    radius, angle = np.hypot(beside, y), np.arctan2(beside, y)
-    # left and right do not fold alike, and both fold backwards: the middle is what the camera sees
-    waves = 6.0 * pleats * (1.0 + 0.15 * np.sin(phase_rad + 2.0 * np.sign(angle)))
-    deep = np.sqrt(2 * (1 - narrow**2)) / waves
-    fold = deep * radius * (1.0 - np.cos(waves * angle))
-    return np.column_stack([x - beside + radius * np.sin(narrow * angle), radius * np.cos(narrow * angle), fold])
-
-
-def _umbrella(offset_m: NDArray[np.float64], front_rad: float, phase_rad: float, pleats: float) -> NDArray[np.float64]:
-    """Return a narrow ruffled cone about the held point, with the material line on the side of the camera."""
-    radius, angle = np.hypot(*offset_m.T), np.arctan2(*offset_m.T) - front_rad
-    opening = np.deg2rad(18.0) + np.deg2rad(16.0) * pleats * np.cos(5 * angle + phase_rad)
-    out = radius * np.sin(opening)
-    return np.column_stack([out * np.sin(angle), radius * np.cos(opening), -out * np.cos(angle)])

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
+
+from garment_dataset.simulate.hem import Hem
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -69,6 +71,8 @@ class ClothNuisance:
         How many times as wide and as high.
     folds : Folds or None
         How it is put into the gripper.
+    hem : Hem or None
+        How it ends below.
     yaw_rad : float or None
         How far it is turned about the vertical when it swings across the view: the operator shows it open, at an angle
         or edge-on, which alone shows its deformation. Along the view it always faces the camera.
@@ -83,6 +87,7 @@ class ClothNuisance:
     mass: float | None = None
     size: tuple[float, float] | None = None
     folds: Folds | None = None
+    hem: Hem | None = None
     yaw_rad: float | None = None
     wall_hue: float | None = None
     pattern: Pattern | None = None
@@ -98,6 +103,24 @@ def _yaw_rad(rng: np.random.Generator) -> float:
     middle_deg, spread_deg = _YAWS_DEG[int(rng.integers(len(_YAWS_DEG)))]
     side = 1 if rng.random() < 0.5 else -1
     return float(rng.normal(middle_deg, spread_deg) * side * math.pi / 180)
+
+
+def _hem(rng: np.random.Generator) -> Hem:
+    """Draw a hem; each of its four traits in half of the garments, so that they occur alone and together."""
+    front, curl_front = (1 if rng.random() < 0.5 else -1 for _ in range(2))
+    drawn = Hem(
+        corner_radius_m=float(rng.uniform(0.01, 0.08)),
+        slope=float(rng.uniform(-0.1, 0.1)),
+        # turned over twice and sewn: a strip of one to three centimetres, two layers of half to one millimetre thicker
+        fold_m=float(rng.uniform(0.01, 0.03)),
+        fold_thick_m=float(rng.uniform(0.0005, 0.002)) * front,
+        # the cut edge of a knitted fabric rolls up, by half a turn and more
+        curl_m=float(rng.uniform(0.008, 0.025)),
+        curl_rad=float(rng.uniform(0.5, 3.5)) * curl_front,
+    )
+    traits = (("corner_radius_m",), ("slope",), ("fold_m", "fold_thick_m"), ("curl_m", "curl_rad"))
+    left_out = [name for names in traits if rng.random() < 0.5 for name in names]
+    return replace(drawn, **dict.fromkeys(left_out, 0.0))
 
 
 def _pattern(rng: np.random.Generator) -> Pattern:
@@ -117,6 +140,7 @@ CLOTH_DRAWS: Mapping[str, Callable[[np.random.Generator], object]] = {
     "folds": lambda rng: Folds(
         float(rng.uniform(-1.0, 1.0)), float(rng.uniform(0.6, 1.5)), float(10 ** rng.uniform(-0.5, 0.5))
     ),
+    "hem": _hem,
     "yaw_rad": _yaw_rad,
     "wall_hue": lambda rng: float(rng.uniform(0.0, 1.0)),
     "pattern": _pattern,

@@ -14,12 +14,13 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from garment_dataset.errors import GarmentError, MissingExtraError
-from garment_dataset.simulate.cloth import initial_shape
+from garment_dataset.simulate.hanging import initial_shape
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from garment_dataset.simulate.cloth import ClothMesh, ClothSpec, Hanging
+    from garment_dataset.simulate.cloth import ClothMesh, ClothSpec
+    from garment_dataset.simulate.hanging import Hanging
     from garment_dataset.simulate.motion import Swing
 
 GRAVITY_M_S2 = 9.81

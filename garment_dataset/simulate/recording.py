@@ -15,8 +15,9 @@ from garment_dataset.errors import GarmentError, RecordingNameError
 from garment_dataset.simulate import scene, truth_tables
 from garment_dataset.simulate.bag import Compression, Streams, write_bag
 from garment_dataset.simulate.camera_pose import CameraPose
-from garment_dataset.simulate.cloth import ClothMesh, ClothSpec, Hanging, build_mesh
+from garment_dataset.simulate.cloth import ClothMesh, ClothSpec, build_mesh
 from garment_dataset.simulate.garments import cloth_of, fabric_of, unusual, unusual_fabric
+from garment_dataset.simulate.hanging import Hanging
 from garment_dataset.simulate.motion import Swing
 from garment_dataset.simulate.nuisance import Nuisance, draw_nuisance
 from garment_dataset.simulate.physics import import_mujoco, simulate_cloth
@@ -183,7 +184,8 @@ class _Making:
         holding, swing = _holding(name), _swing(name, scale)
         spec = unusual(cloth_of(str(name.garment), holding, catalog), self._nuisance.cloth)
         fabric = unusual_fabric(fabric_of(str(name.garment), catalog), self._nuisance.cloth)
-        mesh = build_mesh(spec, holding, float(np.sqrt(spec.area_m2() / scale.cells)))
+        hem = self._nuisance.cloth.hem
+        mesh = build_mesh(spec, holding, float(np.sqrt(spec.area_m2() / scale.cells)), hem)
         depth_times, color_times, duration_s = self._times(scale.duration_s)
         hanging = Hanging.draw(self._random["hanging"], self._nuisance.cloth.folds)
         if name.axis == "B" and self._nuisance.cloth.yaw_rad is not None:
@@ -191,7 +193,7 @@ class _Making:
         trajectory = simulate_cloth(
             spec, mesh, holding, swing, duration_s=duration_s, step_s=scale.step_s, hanging=hanging
         )
-        view = GarmentView(mesh, trajectory, swing, scale.levels, self._pose)
+        view = GarmentView(mesh, trajectory, swing, scale.levels, self._pose, hem)
         ruler = _ruler(spec, holding, hanging)
         stage = Stage(swing, fabric, view.triangles, view.material_m, ruler, self._pose, self._nuisance.color)
         rows: list[dict[str, Any]] = []

@@ -15,6 +15,9 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+_SHARP = np.cos(np.deg2rad(50.0))
+"""An outline that turns by more than this at a vertex has a corner there; a round one turns by less, mesh by mesh."""
+
 
 @dataclass(frozen=True)
 class Blend:
@@ -34,7 +37,7 @@ class Blend:
     @classmethod
     def of(cls, matrix: NDArray[np.float64]) -> Blend:
         """Return the blend that a matrix of shape (R, C) stands for."""
-        most = int((matrix != 0).sum(axis=1).max())
+        most = int((matrix != 0).sum(axis=1).max(initial=0))
         index = np.argsort(matrix == 0, axis=1, kind="stable")[:, :most]
         return cls(index, np.take_along_axis(matrix, index, axis=1))
 
@@ -107,7 +110,7 @@ def _place_vertices(
     edges: NDArray[np.intp],
     outline: NDArray[np.intp],
 ) -> None:
-    """Fill in the rows of the old vertices: Loop's rule inside, cubic spline along the outline, corners kept."""
+    """Fill in the rows of the old vertices: Loop's rule inside, cubic spline along the outline, sharp corners kept."""
     count = len(material_m)
     both = np.concatenate([edges, edges[:, ::-1]])
     valence = np.bincount(both[:, 0], minlength=count)
@@ -118,7 +121,7 @@ def _place_vertices(
     around = around[np.argsort(around[:, 0], kind="stable")].reshape(-1, 2, 2)
     for vertex, first, second in zip(around[:, 0, 0], around[:, 0, 1], around[:, 1, 1], strict=True):
         before, after = material_m[vertex] - material_m[first], material_m[second] - material_m[vertex]
-        straight = before @ after > 0.999 * np.linalg.norm(before) * np.linalg.norm(after)
+        straight = before @ after > _SHARP * np.linalg.norm(before) * np.linalg.norm(after)
         rows[vertex] = 0.0
         rows[vertex, vertex] = 3 / 4 if straight else 1.0
         if straight:

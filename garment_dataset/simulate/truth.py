@@ -14,6 +14,7 @@ import cv2
 import numpy as np
 
 from garment_dataset.simulate.camera_pose import LEVEL, CameraPose
+from garment_dataset.simulate.hem import HemShape
 from garment_dataset.simulate.raster import HEIGHT_PX, WIDTH_PX
 from garment_dataset.simulate.scene import COLOR_CAMERA, DEPTH_CAMERA
 from garment_dataset.simulate.subdivide import Blend, locate, subdivide
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from garment_dataset.simulate.cloth import ClothMesh
+    from garment_dataset.simulate.hem import Hem
     from garment_dataset.simulate.motion import Swing
     from garment_dataset.simulate.physics import Trajectory
     from garment_dataset.simulate.render import ColorFrame
@@ -74,10 +76,18 @@ class GarmentView:
         Subdivisions from the simulated to the visible mesh.
     pose : CameraPose
         How the cameras look at it: everything is in the frame of the depth camera.
+    hem : Hem, optional
+        How its hem leaves the sheet that was simulated; by default not at all.
     """
 
     def __init__(
-        self, mesh: ClothMesh, trajectory: Trajectory, swing: Swing, levels: int, pose: CameraPose = LEVEL
+        self,
+        mesh: ClothMesh,
+        trajectory: Trajectory,
+        swing: Swing,
+        levels: int,
+        pose: CameraPose = LEVEL,
+        hem: Hem | None = None,
     ) -> None:
         self._trajectory, self._swing, self._pose = trajectory, swing, pose
         gripped = int(np.argmin(np.linalg.norm(mesh.material_m - mesh.hold_m, axis=1)))
@@ -86,11 +96,14 @@ class GarmentView:
         self.material_m = self._surface.apply(mesh.material_m)
         share = np.linspace(0.0, 1.0, _LINE_NODES)[:, None]
         on_line = mesh.hold_m + share * (mesh.end_m - mesh.hold_m)
-        self._line = Blend.of(Blend.of(locate(on_line, self.material_m, self.triangles)).apply(matrix))
+        self._line = Blend.of(locate(on_line, self.material_m, self.triangles))
+        to_hem = self._surface.apply(mesh.to_hem_m[:, None])[:, 0]
+        self._hem = None if hem is None else HemShape(self.material_m, self.triangles, to_hem, hem)
 
     def surface_m(self, time_s: float) -> NDArray[np.float64]:
         """Return the vertices of the visible mesh, shape (V, 3)."""
-        return self._pose.see(self._surface.apply(self._trajectory.at(time_s)[0]))
+        surface = self._surface.apply(self._trajectory.at(time_s)[0])
+        return self._pose.see(surface if self._hem is None else self._hem.place(surface))
 
     def gripper_m(self, time_s: float) -> NDArray[np.float64]:
         """Return the gripper's end point, shape (3,)."""
@@ -102,13 +115,15 @@ class GarmentView:
 
     def surface_state(self, time_s: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """Return the vertices of the visible mesh and their velocities, each (V, 3)."""
-        position, velocity = self._trajectory.at(time_s)
-        return self._surface.apply(position), self._surface.apply(velocity)
+        surface, velocity = (self._surface.apply(values) for values in self._trajectory.at(time_s))
+        if self._hem is None:
+            return surface, velocity
+        return self._hem.place(surface), self._hem.place_velocity(surface, velocity)
 
     def material_line(self, time_s: float) -> tuple[Polyline, NDArray[np.float64]]:
         """Return the material line and the velocities of its nodes, shape (65, 3)."""
-        position, velocity = self._trajectory.at(time_s)
-        return Polyline(self._pose.see(self._line.apply(position))), self._pose.turn(self._line.apply(velocity))
+        surface, velocity = self.surface_state(time_s)
+        return Polyline(self._pose.see(self._line.apply(surface))), self._pose.turn(self._line.apply(velocity))
 
     def surface_line(self, time_s: float) -> Polyline | None:
         """Return the visible profile below the gripper; None when no cloth is there."""

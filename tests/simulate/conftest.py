@@ -3,7 +3,8 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from garment_dataset.simulate.cloth import ClothSpec, Hanging
+from garment_dataset.simulate.cloth import ClothSpec
+from garment_dataset.simulate.hanging import Hanging
 from garment_dataset.simulate.motion import Swing
 
 

@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from garment_dataset.errors import GarmentError
-from garment_dataset.simulate.cloth import HOLDINGS, ClothSpec, Hanging, build_mesh, initial_shape
+from garment_dataset.simulate.cloth import HOLDINGS, ClothSpec, build_mesh
+from garment_dataset.simulate.hanging import Hanging, initial_shape
 from garment_dataset.simulate.subdivide import Blend, locate, subdivide
 
 SHIRT = ClothSpec(0.69, 1.20, 0.137)

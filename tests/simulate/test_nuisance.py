@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 from garment_dataset.errors import GarmentError
-from garment_dataset.simulate.cloth import ClothSpec, Hanging, build_mesh, initial_shape
+from garment_dataset.simulate.cloth import ClothSpec, build_mesh
 from garment_dataset.simulate.garments import unusual
+from garment_dataset.simulate.hanging import Hanging, initial_shape
 from garment_dataset.simulate.nuisance import Nuisance, draw_nuisance, nuisance_names, wanted_names
 from garment_dataset.simulate.nuisance_cloth import CLOTH_DRAWS, ClothNuisance
 from garment_dataset.simulate.nuisance_color import COLOR_DRAWS, ColorNuisance
@@ -65,15 +66,21 @@ def test_what_is_no_nuisance_is_refused(text: str, hint: str) -> None:
 @pytest.mark.parametrize("name", CLOTH_DRAWS)
 def test_each_of_the_cloth_changes_it_or_how_it_is_held(name: str) -> None:
     own = draw_nuisance(name, NAME, 3).cloth
+    if own.hem is not None:  # not every hem is cut askew
+        own = dataclasses.replace(own, hem=dataclasses.replace(own.hem, slope=0.05))
     usual = ClothSpec(0.36, 0.64, 0.1)
     shapes = [
-        initial_shape(build_mesh(usual, holding, 0.05), holding, Hanging.draw(np.random.default_rng(0), nuisance.folds))
+        initial_shape(
+            build_mesh(usual, holding, 0.05, nuisance.hem),
+            holding,
+            Hanging.draw(np.random.default_rng(0), nuisance.folds),
+        )
         for nuisance in (own, ClothNuisance())
         for holding in ("Ruler", "Corner")
     ]
-    folded = all(not np.allclose(shapes[i], shapes[i + 2]) for i in range(2))
-    assert folded == (name == "folds")
-    assert (unusual(usual, own) != usual) == (name not in {"folds", "yaw_rad", "wall_hue", "pattern"})
+    shaped = all(not np.allclose(shapes[i], shapes[i + 2]) for i in range(2))
+    assert shaped == (name in {"folds", "hem"})
+    assert (unusual(usual, own) != usual) == (name not in {"folds", "hem", "yaw_rad", "wall_hue", "pattern"})
 
 
 @pytest.mark.parametrize("name", [*(name for name in COLOR_DRAWS if name != "lamps"), *DEPTH_DRAWS])

@@ -5,7 +5,8 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from garment_dataset.simulate.cloth import ClothMesh, ClothSpec, Hanging, build_mesh
+from garment_dataset.simulate.cloth import ClothMesh, ClothSpec, build_mesh
+from garment_dataset.simulate.hanging import Hanging
 from garment_dataset.simulate.motion import Swing
 from garment_dataset.simulate.physics import GRAVITY_M_S2, Trajectory, model_xml, simulate_cloth
 from garment_dataset.simulate.truth import GarmentView

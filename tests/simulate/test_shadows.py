@@ -8,8 +8,8 @@ import pytest
 from garment_dataset.catalog import Catalog
 from garment_dataset.simulate import scene
 from garment_dataset.simulate.camera_pose import LEVEL, CameraPose
-from garment_dataset.simulate.cloth import Hanging
 from garment_dataset.simulate.garments import fabric_of, unusual_fabric
+from garment_dataset.simulate.hanging import Hanging
 from garment_dataset.simulate.motion import Swing
 from garment_dataset.simulate.nuisance_cloth import CLOTH_DRAWS, ClothNuisance, Pattern
 from garment_dataset.simulate.nuisance_color import AutoExposure, ColorNuisance, Lamp, Wall
