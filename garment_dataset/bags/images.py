@@ -91,8 +91,9 @@ def depth_in_millimetres(stored: NDArray[Any], unit_mm: float = 1.0) -> NDArray[
     whole = np.issubdtype(stored.dtype, np.integer)
     if whole and unit_mm == 1:
         native = stored.astype(stored.dtype.newbyteorder("="), copy=False)  # the same memory in the machine's order
-        nothing = native == _NO_RETURN
-        return np.where(nothing, np.uint16(0), native) if nothing.any() else native
+        if native.max(initial=0) < _NO_RETURN:
+            return native
+        return np.where(native == _NO_RETURN, np.uint16(0), native)
     with np.errstate(invalid="ignore", over="ignore"):
         depth_mm = np.rint(stored.astype(np.float64) * (unit_mm if whole else 1e3 * unit_mm))
         depth_mm[~((depth_mm > 0) & (depth_mm < _NO_RETURN))] = 0
