@@ -127,8 +127,8 @@ def trace_material_line(
     x_m, edge_z_m, below_m = x_m[:, good], edge_z_m[:, good], y_m[good] - gripper_m[1]
     heights_m = np.minimum(_RASTER_M, profile.end_y_m - gripper_m[1])
     return MaterialLine(
-        _fit(below_m, x_m.mean(axis=0) - gripper_m[0], _X_DEGREE, heights_m),
-        _fit(below_m, (edge_z_m[1] - edge_z_m[0]) / (x_m[1] - x_m[0]), _LEAN_DEGREE, heights_m),
+        robust_polynomial(below_m, x_m.mean(axis=0) - gripper_m[0], _X_DEGREE, heights_m),
+        robust_polynomial(below_m, (edge_z_m[1] - edge_z_m[0]) / (x_m[1] - x_m[0]), _LEAN_DEGREE, heights_m),
         usual_m,
     )
 
@@ -156,14 +156,32 @@ def _borders(rows_mm: DepthImage, cloth: BoolArray, intrinsics: Intrinsics) -> t
     return (u - intrinsics.cx_px) / intrinsics.fx_px * z_m, z_m, good
 
 
-def _fit(below_m: FloatArray, values: FloatArray, degree: int, raster_m: FloatArray) -> FloatArray:
-    """Return a polynomial through values, outliers left out, on a raster."""
+def robust_polynomial(below_m: FloatArray, values: FloatArray, degree: int, raster_m: FloatArray) -> FloatArray:
+    """Return the polynomial of least squares through values, outliers left out, on a raster.
+
+    Parameters
+    ----------
+    below_m, values : (n,) float64
+        Where each value was seen, and the value.
+    degree : int
+        Of the polynomial.
+    raster_m : (k,) float64
+        Where its values are wanted.
+
+    Notes
+    -----
+    Heights are scaled to [-1, 1], so that the normal equations of a cubic lose no more than four of sixteen digits.
+    What is farther away than three standard deviations, by the median distance, is left out, twice.
+    """
+    middle_m, half_m = (below_m.max() + below_m.min()) / 2, (below_m.max() - below_m.min()) / 2
+    powers = np.vander((below_m - middle_m) / half_m, degree + 1)
     kept = np.ones(values.size, dtype=np.bool_)
     for _ in range(3):
-        polynomial = np.polynomial.Polynomial.fit(below_m[kept], values[kept], degree)
-        away = np.abs(values - polynomial(below_m))
+        used = powers[kept]
+        terms = np.linalg.solve(used.T @ used, used.T @ values[kept])
+        away = np.abs(values - powers @ terms)
         kept = away <= _OUTLIER * 1.4826 * float(np.median(away)) + 1e-9
-    return np.asarray(polynomial(raster_m), np.float64)
+    return np.vander((raster_m - middle_m) / half_m, degree + 1) @ terms
 
 
 def smooth_material_lines(

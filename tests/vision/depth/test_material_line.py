@@ -9,7 +9,7 @@ import pytest
 
 from garment_dataset.stages.depth_points import DepthPointsParams
 from garment_dataset.vision.depth.cloud import Intrinsics
-from garment_dataset.vision.depth.material_line import MaterialLine, smooth_material_lines
+from garment_dataset.vision.depth.material_line import MaterialLine, robust_polynomial, smooth_material_lines
 from garment_dataset.vision.depth.trace import trace_profiles
 
 if TYPE_CHECKING:
@@ -164,3 +164,19 @@ def test_smoothing_follows_the_order_of_the_stamps_and_lowers_noise() -> None:
     assert np.std(smooth_m - truth_m) < 0.0007
     again_m = np.array([one.x_m[0] for one in turned if one is not None])
     np.testing.assert_array_equal(again_m, smooth_m[shuffled])
+
+
+@pytest.mark.parametrize("seed", range(4))
+@pytest.mark.parametrize("degree", [1, 3])
+def test_a_line_is_fitted_as_by_orthogonal_least_squares(seed: int, degree: int) -> None:
+    rng = np.random.default_rng(seed)
+    below_m = np.sort(rng.uniform(0.0, 0.65, int(rng.integers(9, 200))))
+    truth = np.polynomial.Polynomial(rng.normal(size=degree + 1) * 0.05)
+    values = truth(below_m) + 0.0005 * rng.standard_t(2, below_m.size)
+    raster_m = np.linspace(0.0, below_m[-1], 40)
+    kept = np.ones(below_m.size, dtype=np.bool_)
+    for _ in range(3):
+        polynomial = np.polynomial.Polynomial.fit(below_m[kept], values[kept], degree)
+        away = np.abs(values - polynomial(below_m))
+        kept = away <= 3.0 * 1.4826 * np.median(away) + 1e-9
+    assert robust_polynomial(below_m, values, degree, raster_m) == pytest.approx(polynomial(raster_m), abs=1e-12)
