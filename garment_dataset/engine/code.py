@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.canonical import digest
 from garment_dataset.engine.codebase.libraries import library_versions
-from garment_dataset.engine.loaded import content_state
+from garment_dataset.engine.loaded import ContentStates, content_state
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
@@ -81,6 +81,7 @@ class CodeCache:
         # two installations on one workspace must not take each other's code for their own
         self._place = digest("roots/1", {name: str(path) for name, path in roots.items()})
         self._code_base: CodeBase | None = None
+        self._content_states = ContentStates()
         self._remembered = self._load()
 
     @property
@@ -97,7 +98,7 @@ class CodeCache:
         """
         before = json.dumps(self._remembered)
         self._code_base = None  # it keeps what it has read
-        state_of = functools.cache(content_state)  # each file is read once, whatever number of stages rests on it
+        state_of = functools.cache(self._content_states)  # asked once, whatever number of stages rests on a file
         entries = {stage.name: self._entry(stage, state_of) for stage in stages}
         if json.dumps(self._remembered) != before:
             self._save(entries.values())
@@ -116,7 +117,7 @@ class CodeCache:
 
     def is_as_read(self, stage: Stage) -> bool:
         """Say whether the files that a stage's fingerprint rests on still have the content that it was read from."""
-        return not self._is_outdated(self._remembered[self._name(stage)], content_state)
+        return not self._is_outdated(self._remembered[self._name(stage)], self._content_states)
 
     def _is_outdated(self, entry: Mapping[str, Any], state_of: Callable[[str], str | None]) -> bool:
         """Say whether a file has changed, or what was a library has become first-party code."""

@@ -8,6 +8,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import importlib.util
+import operator
 import os
 import py_compile
 import sys
@@ -50,6 +51,37 @@ def file_state(file: str) -> FileState | None:
     return stat.st_size, stat.st_mtime_ns, stat.st_ctime_ns, stat.st_ino
 
 
+_SETTLED_NS = 2_000_000_000
+"""A file may be written twice within one tick of a file system's clock; one that has rested for so long was not."""
+
+
+class ContentStates:
+    """What :func:`content_state` says of files, each read again only when the file system says that it was written.
+
+    A file that was young when it was read is read again all the same: it may have been written since, in the same tick.
+    """
+
+    def __init__(self) -> None:
+        self._known: dict[str, tuple[FileState, str | None]] = {}
+
+    def __call__(self, path: str) -> str | None:
+        """Return the digest of a file's content, or of a folder's list of modules; None when it is gone."""
+        state = file_state(path)
+        known = self._known.get(path)
+        if state is not None and known is not None and known[0] == state:
+            return known[1]
+        now = time.time_ns()
+        content = content_state(path)
+        if state is not None and is_settled(state, now):
+            self._known[path] = state, content
+        return content
+
+
+def is_settled(state: FileState, now_ns: int) -> bool:
+    """Say whether a file has rested for so long that whoever writes it from now on changes its state."""
+    return max(state[1:3]) + _SETTLED_NS < now_ns
+
+
 def refresh_bytecode(files: Iterable[str]) -> None:
     """Have the compiled files of modules checked by content from now on, where Python would go by size and second."""
     for file in files:
@@ -69,10 +101,16 @@ class _Loaded:
         self.states: dict[str, tuple[object, FileState | None]] = {}
         self.contents: dict[str, tuple[FileState, str | None]] = {}
         self.noted_ns = _started_ns()
+        self.modules: list[object] = []
 
     def note(self) -> None:
         now = time.time_ns()
-        for module in list(sys.modules.values()):
+        modules: list[object] = list(sys.modules.values())
+        if len(modules) == len(self.modules) and all(map(operator.is_, modules, self.modules)):
+            self.noted_ns = now
+            return
+        self.modules = modules
+        for module in modules:
             file = getattr(module, "__file__", None)
             if isinstance(file, str) and file.endswith(".py") and self.states.get(file, (None,))[0] is not module:
                 state = file_state(file)

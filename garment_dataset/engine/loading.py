@@ -8,7 +8,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.engine.loaded import FileState, content_state, file_state, note_loaded
+from garment_dataset.engine.loaded import ContentStates, FileState, file_state, note_loaded
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
@@ -21,6 +21,8 @@ _Seen = tuple[FileState | None, str | None]
 
 HOMES: dict[str, dict[str, _Seen]] = {}
 """The folders that modules were imported from, and what their files were; one at a time is on Python's path."""
+
+_CONTENTS = ContentStates()
 
 
 def load_module(name: str, home: Path | None) -> ModuleType:
@@ -71,7 +73,7 @@ def _state_of(home: Path) -> dict[str, _Seen]:
     """
     places = modules_of(home).values()
     files = (file for place in places for file in (place.rglob("*.py") if place.is_dir() else (place,)))
-    return {str(file): (file_state(str(file)), content_state(str(file))) for file in files}
+    return {str(file): (file_state(str(file)), _CONTENTS(str(file))) for file in files}
 
 
 def _forget(homes: Iterable[str]) -> None:

@@ -18,7 +18,7 @@ from garment_dataset.engine.errors import StorageError
 from garment_dataset.engine.results import StoredFile
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Iterable, Iterator
     from pathlib import Path
 
 _FICLONE = 0x40049409  # Linux: share the blocks of another file until one of the two is written
@@ -127,6 +127,22 @@ class Objects:
         """Remove an object, if it is there."""
         with contextlib.suppress(OSError):
             self.path(digest).unlink(missing_ok=True)
+
+
+def sync(paths: Iterable[Path]) -> None:
+    """Have the content of files on disk before this returns.
+
+    Raises
+    ------
+    StorageError
+        If the disk refuses.
+    """
+    for path in paths:
+        try:
+            with path.open("rb") as file:
+                os.fsync(file.fileno())
+        except OSError as error:
+            raise StorageError("a result cannot be stored", where=path, found=error.strerror or error) from error
 
 
 def file_digest(path: Path | str) -> str:

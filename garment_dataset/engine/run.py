@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import uuid
-from concurrent.futures import FIRST_COMPLETED, Future, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import TYPE_CHECKING, Any
 
+from garment_dataset.engine.errands import Errand, Errands
 from garment_dataset.engine.errors import StorageError
 from garment_dataset.engine.events import Ending, Event, Report
 from garment_dataset.engine.loaded import refresh_bytecode
@@ -28,6 +28,10 @@ if TYPE_CHECKING:
     from garment_dataset.engine.options import Options
     from garment_dataset.engine.plan import Plan
     from garment_dataset.engine.store import Store
+
+
+_READ_AT_ONCE_BYTES = 1 << 16
+"""A source of no more bytes is read sooner than it is handed to a worker."""
 
 
 class Run:
@@ -69,14 +73,12 @@ class Run:
         self._code_cache = code_cache
         self._store = store
         self._stock = Stock(store, options.orphans)
-        self._pool = pool
+        self._errands = Errands(pool)
         self._options = options
         self._emit = emit
         self._scratch_dir = store.scratch_dir / uuid.uuid4().hex
         self._failures = store.index.failures()
         self._digests = store.index.source_digests()
-        self._running: dict[Future[Any], tuple[Node, Task | Reading]] = {}
-        self._twins: dict[str, list[Node]] = {}
         self._troubles: dict[str, Trouble] = {}
         self._suspects: dict[NodeId, Node] = {}
         self._done: dict[NodeId, Result] = {}
@@ -102,13 +104,13 @@ class Run:
             while True:
                 while (node := self._next()) is not None:
                     self._start(node)
-                if not self._running:
-                    self._pool.close()
+                if not self._errands:
+                    self._errands.close()
                     self._stock.withdraw_moved(self._done)
                     return self.report
                 self._collect()
         except BaseException:
-            self._pool.kill()
+            self._errands.kill()
             raise
         finally:
             with contextlib.suppress(StorageError):
@@ -133,8 +135,8 @@ class Run:
     def _next(self) -> Node | None:
         """Return what to start now; whoever ran when a worker died is tried again alone, to find the culprit."""
         if self._suspects:
-            return None if self._running else next(iter(self._suspects.values()))
-        return self._schedule.take() if len(self._running) < self._options.slots else None
+            return None if self._errands else next(iter(self._suspects.values()))
+        return self._schedule.take() if self._errands.at_work < self._options.slots else None
 
     def _start(self, node: Node) -> None:
         """Bring a node as far as possible without work; submit what work it needs."""
@@ -147,7 +149,11 @@ class Run:
                 self._end(Event(node.id, Ending.BLOCKED, message=f"{path} is not there"))
                 return
             if self._digests.get(str(path), (None,))[0] != stat:
-                self._submit(node, digest_task, Reading(path, stat))
+                reading = Reading(path, stat)
+                if stat.size_bytes <= _READ_AT_ONCE_BYTES:
+                    self._digested(node, reading, digest_task(reading))
+                else:
+                    self._submit(node, digest_task, reading)
                 return
         sources = {path: self._digests[str(path)] for path in node.sources.values()}
         task = make_task(node, self._codes[node.stage.name], sources, self._done, self._store, self._scratch_dir)
@@ -178,18 +184,14 @@ class Run:
 
     def _submit(self, node: Node, function: Callable[[Any], Any], work: Task | Reading) -> None:
         """Hand over work; a node that needs the very same as another looks again when that is done."""
-        if work.key in self._twins:
-            self._twins[work.key].append(node)
+        if self._errands.wait_for_twin(node, work.key):
             return
         try:
-            future = self._pool.submit(function, work)
+            self._errands.hand_over(Errand(node, work), function)
         except BrokenProcessPool:
             # a worker has died since the last look, before this node had any part in it
             self._restart_pool()
             self._look_again(node)
-            return
-        self._running[future] = node, work
-        self._twins[work.key] = []
 
     def _look_again(self, *nodes: Node) -> None:
         for node in nodes:
@@ -198,29 +200,22 @@ class Run:
 
     def _collect(self) -> None:
         """Wait for a task to end, and deal with all that have; with a death last, since it takes the others along."""
-        finished, _ = wait(self._running, return_when=FIRST_COMPLETED)
-        broken = {future for future in finished if isinstance(future.exception(), BrokenProcessPool)}
-        for future in sorted(finished - broken, key=lambda future: self._schedule.order(self._running[future][0])):
-            if future not in self._running:
-                continue
-            node, work = self._running.pop(future)
-            twins = self._twins.pop(work.key)
+        back = self._errands.collect()
+        for (node, work), outcome, twins in sorted(back, key=lambda each: self._schedule.order(each.errand.node)):
             if isinstance(work, Task):
-                self._finish(node, work, future.result())
+                assert not isinstance(outcome, str)
+                self._finish(node, work, outcome)
             else:
-                self._digested(node, work, future.result())
+                assert not isinstance(outcome, Success)
+                self._digested(node, work, outcome)
             self._look_again(*twins)
-        if not broken.isdisjoint(self._running):
+        if self._errands.has_death:
             self._restart_pool()
 
     def _restart_pool(self) -> None:
         """Deal with a worker that died and took the pool with it: whoever ran alone is to blame, else each is tried."""
-        interrupted = list(self._running.values())
-        twins = [twin for waiting in self._twins.values() for twin in waiting]
-        self._twins.clear()
-        self._running.clear()
-        self._pool.restart()
-        if len(interrupted) == 1 and interrupted[0][0].id in self._suspects:
+        interrupted, twins = self._errands.give_up()
+        if len(interrupted) == 1 and interrupted[0].node.id in self._suspects:
             node, work = interrupted[0]
             trouble = Trouble("WorkerDied", "its worker process died twice: killed, or out of memory")
             self._fail(node, work.key, trouble)

@@ -76,8 +76,9 @@ class Stock:
         StorageError
             If that cannot be written.
         """
-        self._store.remember(result)
-        self._store.publish(result, node.variant)
+        with self._store.index.transaction():
+            self._store.remember(result)
+            self._store.publish(result, node.variant)
         self._made.add(result.key)
         self._published[node.id] = result.key
 

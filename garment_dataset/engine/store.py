@@ -153,7 +153,8 @@ class Store:
     def publish(self, result: Result, variant: str = "") -> None:
         """Link a result to where users look; each file changes from old to new in one instant.
 
-        When the subject has moved to another partition, its old files go once the new ones are there.
+        When the subject has moved to another partition, its old files go once the new ones are there. What is written
+        on the way lies in a scratch folder, which the caller clears in the end (:meth:`clear_scratch`).
 
         Raises
         ------
@@ -167,8 +168,6 @@ class Store:
             if old not in {None, result.partition}:
                 self.feature_path(table, str(old), result.subject, variant).unlink(missing_ok=True)
         self.index.set_published(result, variant)
-        with contextlib.suppress(OSError):
-            (self.features_dir / _HIDDEN).rmdir()
 
     def withdraw(self, node: tuple[str, ...], result: Result | None) -> None:
         """Take a result from where users look; its objects stay."""

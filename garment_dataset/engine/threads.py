@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import ctypes
+import functools
 import os
 import sys
-from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
@@ -18,7 +19,7 @@ _SUFFIXES = ("64_", "")
 _PREFIXES = ("scipy_openblas", "openblas")
 
 
-@contextmanager
+@contextlib.contextmanager
 def one_thread() -> Iterator[None]:
     """Have OpenBLAS and OpenCV use one thread, those loaded already and those loaded within; afterwards as before."""
     variables = {name: os.environ.get(name) for name in VARIABLES}
@@ -57,15 +58,20 @@ def _thread_counts() -> Iterator[tuple[Callable[[], int], Callable[[int], Any]]]
                         yield get, set_
 
 
-def _loaded_blas() -> Iterator[ctypes.CDLL]:
-    """Yield the OpenBLAS libraries that this process has loaded, where the system tells."""
+def _loaded_blas() -> list[ctypes.CDLL]:
+    """Return the OpenBLAS libraries that this process has loaded, where the system tells."""
+    return _blas_beside(len(sys.modules))
+
+
+@functools.lru_cache(maxsize=1)
+def _blas_beside(modules: int) -> list[ctypes.CDLL]:  # noqa: ARG001 - looked for again once something was imported
     try:
         with open("/proc/self/maps", encoding="utf-8", errors="surrogateescape") as maps:  # noqa: PTH123
             paths = {line.split(maxsplit=5)[5].strip() for line in maps if "openblas" in line}
     except (OSError, IndexError):
-        return
+        return []
+    found = []
     for path in sorted(paths):
-        try:
-            yield ctypes.CDLL(path)
-        except OSError:
-            continue
+        with contextlib.suppress(OSError):
+            found.append(ctypes.CDLL(path))
+    return found

@@ -47,7 +47,7 @@ def accept(session: Session, decision: Decision, because: str) -> None:
     """
     from garment_dataset.engine.artifacts import read_labelled, read_provenance, write_artifact
     from garment_dataset.engine.facts import body_digest
-    from garment_dataset.engine.objects import file_digest
+    from garment_dataset.engine.objects import file_digest, sync
 
     store, node = session.store, session.graph[decision.node]
     old = store.results[store.index.published()[decision.node]]
@@ -62,6 +62,7 @@ def accept(session: Session, decision: Decision, because: str) -> None:
         store.scratch_dir.mkdir(parents=True, exist_ok=True)
         scratch = store.scratch_dir / f"accepted-{table}.parquet"
         write_artifact(read_labelled(path, output.file.digest), scratch, footer)
+        sync([scratch])
         file, _ = store.objects.take_in(scratch, file_digest(scratch))
         outputs[table] = output._replace(file=file)
     accepted = replace(old, key=str(decision.key), outputs=outputs, facts=facts, body=body_digest(facts))

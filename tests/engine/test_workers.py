@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
+from garment_dataset.engine import run
 from garment_dataset.engine.events import Ending
 from garment_dataset.engine.executors import SerialExecutor
 from garment_dataset.engine.graph import Graph, NodeId
@@ -48,8 +49,9 @@ class Fragile(SerialExecutor):
 
 
 @pytest.fixture
-def log(toy: Toy) -> list[str]:
-    """What the toy project hands to its workers from here on, in order."""
+def log(toy: Toy, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """What the toy project hands to its workers from here on, in order; its sources count as large."""
+    monkeypatch.setattr(run, "_READ_AT_ONCE_BYTES", -1)
     found: list[str] = []
     toy.executor = lambda _: Fragile(found)
     return found
