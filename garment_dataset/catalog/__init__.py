@@ -200,7 +200,7 @@ class Catalog:
             If a term cannot be understood, or names what is not in the catalog; the hint gives the nearest that is.
         """
         terms = list(terms)
-        wanted = compile_filter(terms, self.filter_keys, self.words)
+        wanted = compile_filter(terms, self.filter_keys, self.words if terms else {})
         if self.found is None:
             for term in (parse_term(text, self.filter_keys) for text in terms):
                 if term.key == "state" and any(term.values):
@@ -219,7 +219,7 @@ class Catalog:
         terms = list(terms)
         wanted = self.matching(terms)
         rows = tuple(row for row in self.rows if wanted(row))
-        for text in idle_globs(terms, self.filter_keys, self.words) if rows else ():
+        for text in idle_globs(terms, self.filter_keys, self.words) if rows and terms else ():
             warnings.warn(text, DataWarning, stacklevel=2)
         return rows
 

@@ -3,30 +3,33 @@
 from __future__ import annotations
 
 import contextlib
+import time
 from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 import typer
 
-from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, print_json, say
-from garment_dataset.cli.status import (
+from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, noting_warnings, print_json, say
+from garment_dataset.cli.saying import (
     QUALITY_STAGE,
-    StageOption,
-    named,
-    open_session,
+    beside,
+    left_out_lines,
+    orphan_lines,
+    quality_lines,
+    recalled,
     recordings_text,
     results_text,
-    say_left_out,
-    say_orphans,
+    say_all,
     say_partial,
-    say_quality,
-    show_plan,
+    what_is_settled,
 )
+from garment_dataset.cli.status import StageOption, named, open_session, show_plan
 from garment_dataset.errors import StorageError, UsageError
 
 if TYPE_CHECKING:
     from garment_dataset.engine.events import Report
     from garment_dataset.engine.plan import Plan
     from garment_dataset.workspace.session import Session
+    from garment_dataset.workspace.settled import Settled
 
 
 def build(
@@ -60,7 +63,12 @@ def build(
 ) -> None:
     """Build what is missing or stale, and nothing else."""
     _check_engine(engine, scheduler, jobs)
-    with open_session(workspace, filters or (), stage or ()) as session:
+    is_of_all = not (filters or stage)
+    if is_of_all and not (dry_run or force or rehash) and (settled := recalled(workspace)) is not None:
+        _say_settled(settled, as_json=as_json)
+        return
+    began_ns = time.time_ns()
+    with noting_warnings() as shown, open_session(workspace, filters or (), stage or ()) as session:
         plan = session.plan()
         _refuse_nothing(session, plan)
         if dry_run:
@@ -69,6 +77,8 @@ def build(
         is_idle = {decision.state.value for decision in plan} <= {"fresh", "blocked"}
         if is_idle and not force and not rehash:
             _finish_idle(plan, session, as_json=as_json)
+            if is_of_all and plan.is_fresh and not shown:
+                _remember(plan, session, began_ns)
             return
         from garment_dataset.cli.progress import progress
         from garment_dataset.workspace import building
@@ -122,17 +132,31 @@ def _finish_idle(plan: Plan, session: Session, *, as_json: bool) -> None:
 
     with contextlib.suppress(StorageError):  # somebody who may only read has nothing to do, too
         tidy(session)
+    if plan.is_fresh:
+        _say_settled(what_is_settled(plan, session), as_json=as_json)
+        return
     counts = {state.value: count for state, count in plan.counts().items() if count}
     if as_json:
         print_json({"counts": counts, "events": []})
-    if plan.is_fresh:
-        say(f"nothing to do: all {results_text(len(session.graph))} of {recordings_text(session)} are fresh")
-    else:
-        _say_blocked(session)
-        say("nothing to do: " + ", ".join(f"{count} {state}" for state, count in counts.items()))
-    say_left_out(session)
-    say_orphans(session)
-    say_quality({decision.node.subject: decision.notes for decision in plan if decision.node.stage == QUALITY_STAGE})
+    _say_blocked(session)
+    say("nothing to do: " + ", ".join(f"{count} {state}" for state, count in counts.items()))
+    say_all(beside(plan, session))
+
+
+def _say_settled(settled: Settled, *, as_json: bool) -> None:
+    if as_json:
+        print_json({"counts": {"fresh": settled.results}, "events": []})
+    results, recordings = results_text(settled.results), recordings_text(settled.recordings)
+    say(f"nothing to do: all {results} of {recordings} are fresh")
+    say_all(settled.said)
+
+
+def _remember(plan: Plan, session: Session, began_ns: int) -> None:
+    """Have the next build know at once that nothing is to be done, as long as nothing changes."""
+    from garment_dataset.workspace.settled import remember
+
+    code = {path for code in session.codes.values() for path in code.files}
+    remember(session.layout, what_is_settled(plan, session), code, began_ns)
 
 
 def _say_blocked(session: Session) -> None:
@@ -164,12 +188,11 @@ def _summarise(report: Report, session: Session, *, as_json: bool) -> None:
         say("`garment why NAME` shows where; `garment build --failed` tries again")
     _say_blocked(session)
     say_partial(session)
-    say_left_out(session)
-    say_orphans(session)
+    say_all((*left_out_lines(session), *orphan_lines(session)))
     say(", ".join(f"{count} {name}" for name, count in counts.items() if count))
     if any(report.of(ending) for ending in (Ending.BUILT, Ending.LINKED, Ending.RELABELLED)):
         say(f"results: {session.layout.features_dir}")
     judged = [event for event in report.events.values() if event.node.stage == QUALITY_STAGE]
-    say_quality({event.node.subject: event.notes for event in judged})
+    say_all(quality_lines({event.node.subject: event.notes for event in judged}))
     if failures:
         raise typer.Exit(1)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, print_json, print_table, say
-from garment_dataset.cli.status import open_session, results_text, say_partial
+from garment_dataset.cli.saying import results_text, say_partial
+from garment_dataset.cli.status import open_session
 from garment_dataset.errors import FilterError, StoreError, UsageError, did_you_mean, one_of
 
 if TYPE_CHECKING:

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import io
 import json
 import sys
+import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
 WorkspaceOption = Annotated[
     Path | None,
@@ -73,6 +75,22 @@ def say(text: str) -> None:
 def show_warning(message: Warning | str, *_: object, **__: object) -> None:
     """Print a warning as one line, in place of :func:`warnings.showwarning`."""
     say(f"garment: warning: {' '.join(str(message).split())}")
+
+
+@contextlib.contextmanager
+def noting_warnings() -> Iterator[list[str]]:
+    """Yield a list that takes down every warning that is shown."""
+    before, shown = warnings.showwarning, list[str]()
+
+    def show(message: Warning | str, *about: Any, **more: Any) -> None:  # noqa: ANN401 - whatever the protocol gives
+        shown.append(str(message))
+        before(message, *about, **more)
+
+    warnings.showwarning = show
+    try:
+        yield shown
+    finally:
+        warnings.showwarning = before
 
 
 def _cell(value: object) -> str:

@@ -8,7 +8,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from garment_dataset.cli.output import say
-from garment_dataset.cli.status import QUALITY_STAGE
+from garment_dataset.cli.saying import QUALITY_STAGE
 from garment_dataset.engine.events import Ending
 
 if TYPE_CHECKING:

@@ -10,8 +10,18 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, print_json, print_table, say
-from garment_dataset.errors import StoreError, UsageError, printable
+from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, print_json, print_table
+from garment_dataset.cli.saying import (
+    beside,
+    count_recordings,
+    recalled,
+    recordings_text,
+    results_text,
+    say_all,
+    say_partial,
+    what_is_settled,
+)
+from garment_dataset.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -20,9 +30,7 @@ if TYPE_CHECKING:
     from garment_dataset.engine.graph import NodeId
     from garment_dataset.engine.plan import Decision, Plan
     from garment_dataset.workspace.session import Session
-
-QUALITY_STAGE = "quality"
-"""The stage whose notes say that a recording is not ok."""
+    from garment_dataset.workspace.settled import Settled
 
 _SHOWN = 20
 
@@ -39,6 +47,9 @@ def status(
     exit_code: Annotated[bool, typer.Option("--exit-code", help="Exit with 1 when something is not fresh.")] = False,
 ) -> None:
     """Say what is fresh, stale, missing, blocked or failed, and why."""
+    if not (filters or stage or as_json) and (settled := recalled(workspace)) is not None:
+        _print_settled(settled)
+        return
     with open_session(workspace, filters or (), stage or ()) as session:
         plan = session.plan()
         show_plan(plan, session, as_json=as_json)
@@ -173,19 +184,30 @@ def show_plan(plan: Plan, session: Session, *, as_json: bool) -> None:
         counts = {state.value: count for state, count in plan.counts().items()}
         print_json({"counts": counts, "absent": absent, "decisions": [_record(decision) for decision in decisions]})
         return
-    if decisions and not plan.is_fresh:
+    say_partial(session)
+    if decisions and plan.is_fresh:
+        _print_settled(what_is_settled(plan, session))
+        return
+    if decisions:
         _print_matrix(decisions, session)
         _print_reasons(decisions)
+    results, recordings = results_text(len(decisions)), recordings_text(count_recordings(session))
     counts_text = ", ".join(f"{count} {state.value}" for state, count in plan.counts().items() if count)
-    print(f"{results_text(len(decisions))} of {recordings_text(session)}: {counts_text or 'nothing to build'}")
+    print(f"{results} of {recordings}: {counts_text or 'nothing to build'}")
     if absent:
-        print(f"{absent} recordings of the catalog have no bag here (`garment list state=missing`)")
-    say_partial(session)
-    say_left_out(session)
-    say_orphans(session)
-    say_quality(
-        {decision.node.subject: decision.notes for decision in decisions if decision.node.stage == QUALITY_STAGE}
-    )
+        print(_ABSENT.format(absent))
+    say_all(beside(plan, session))
+
+
+_ABSENT = "{} recordings of the catalog have no bag here (`garment list state=missing`)"
+
+
+def _print_settled(settled: Settled) -> None:
+    results = results_text(settled.results)
+    print(f"{results} of {recordings_text(settled.recordings)}: {settled.results} fresh")
+    if settled.absent:
+        print(_ABSENT.format(settled.absent))
+    say_all(settled.said)
 
 
 def _print_matrix(decisions: list[Decision], session: Session) -> None:
@@ -215,64 +237,3 @@ def _print_reasons(decisions: list[Decision]) -> None:
 def _grouped(reason: Reason) -> str:
     """Return a reason's text; of what stands above in the graph only the stage, so that recordings count together."""
     return f"upstream {reason.name.partition(':')[0]}: {reason.new}" if reason.kind == "upstream" else str(reason)
-
-
-def say_quality(notes: Mapping[str, Sequence[str]]) -> None:
-    """Say which recordings are not as they should be: built, or fresh, is not all there is to say of them."""
-    found = {subject: texts for subject, texts in notes.items() if texts}
-    if not found:
-        return
-    say(f"{_count(len(found), 'recording')} not ok (`garment show NAME` says all that is known of one):")
-    for subject, texts in list(found.items())[:_SHOWN]:
-        for text in texts:
-            say(f"  {subject}: {text}")
-    if len(found) > _SHOWN:
-        say(f"  ... and {len(found) - _SHOWN} more: `garment list quality!=ok`")
-
-
-def say_left_out(session: Session) -> None:
-    """Say which bags of the folder are not built, since their names say nothing, or the recorder did not finish."""
-    found = session.catalog.found
-    if found is None:
-        return
-    left_out = [f"{printable(path.name)}: {error.what}" for path, error in found.refused]
-    left_out += [f"{printable(path.name)}: not finished" for path in found.unfinished]
-    for text in left_out[:_SHOWN]:
-        say(f"left out: {text} (`garment lint`)")
-    if len(left_out) > _SHOWN:
-        say(f"left out: {len(left_out) - _SHOWN} more (`garment lint`)")
-
-
-def say_orphans(session: Session) -> None:
-    """Say which files in the features folder nothing asks for any more: whoever reads the folder finds them there."""
-    found = session.orphaned_files()
-    if not found:
-        return
-    names = list(dict.fromkeys((path.stem, why) for path, why in found.items()))
-    for name, why in names[:_SHOWN]:
-        say(f"orphaned: {name}: {why}")
-    if len(names) > _SHOWN:
-        say(f"orphaned: ... and {len(names) - _SHOWN} more")
-    say(f"{_count(len(found), 'orphaned file')} in {session.layout.features_dir}: `garment gc` lists and removes them")
-
-
-def say_partial(session: Session) -> None:
-    """Say which groups a selection leaves out."""
-    if session.partial_groups:
-        names = ", ".join(dict.fromkeys(node.subject for node in session.partial_groups))
-        say(f"left out, since not all of their recordings are selected: {names}")
-
-
-def results_text(count: int) -> str:
-    """Return a number of results in words."""
-    return _count(count, "result")
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}" if number == 1 else f"{number} {what}s"
-
-
-def recordings_text(session: Session) -> str:
-    """Return in words how many recordings a session builds."""
-    count = len({row.recording for row in session.selection.rows} & {node.subject for node in session.graph})
-    return _count(count, "recording")

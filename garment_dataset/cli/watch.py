@@ -197,7 +197,7 @@ class _Watcher:
 
     def _say_outcomes(self, report: Report, outcomes: Mapping[str, Outcome]) -> None:
         """Say what became of the recordings that were due, with what is known to be wrong with those that are built."""
-        from garment_dataset.cli.status import QUALITY_STAGE
+        from garment_dataset.cli.saying import QUALITY_STAGE
         from garment_dataset.engine.events import Ending
 
         judged = [event for event in report.events.values() if event.node.stage == QUALITY_STAGE]

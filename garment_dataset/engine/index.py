@@ -23,8 +23,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 _LAYOUT = """
-CREATE TABLE result (key TEXT PRIMARY KEY, stage TEXT, subject TEXT, partition TEXT, outputs TEXT, facts TEXT,
-                     notes TEXT, body TEXT, checksum INTEGER) WITHOUT ROWID;
+CREATE TABLE result (key TEXT PRIMARY KEY, stage TEXT, subject TEXT, partition TEXT, outputs TEXT, notes TEXT,
+                     body TEXT, checksum INTEGER) WITHOUT ROWID;
+CREATE TABLE facts (key TEXT PRIMARY KEY, facts TEXT, checksum INTEGER) WITHOUT ROWID;
 CREATE TABLE published (stage TEXT, subject TEXT, variant TEXT, key TEXT, checksum INTEGER,
                      PRIMARY KEY (stage, subject, variant)) WITHOUT ROWID;
 CREATE TABLE failure (stage TEXT, subject TEXT, variant TEXT, key TEXT, kind TEXT, message TEXT, traceback TEXT,
@@ -32,10 +33,17 @@ CREATE TABLE failure (stage TEXT, subject TEXT, variant TEXT, key TEXT, kind TEX
 CREATE TABLE source (path TEXT PRIMARY KEY, size_bytes INTEGER, mtime_ns INTEGER, inode INTEGER, ctime_ns INTEGER,
                      digest TEXT, checksum INTEGER) WITHOUT ROWID;
 """
+_VERSION = 1000 * FORMAT + 1
+"""Of the format of the results, and of this layout: an index of another one is made anew, and the results stay."""
+
 _BUSY = frozenset({sqlite3.SQLITE_BUSY, sqlite3.SQLITE_LOCKED})
 _OUT_OF_REACH = frozenset(
     {sqlite3.SQLITE_FULL, sqlite3.SQLITE_IOERR, sqlite3.SQLITE_READONLY, sqlite3.SQLITE_CANTOPEN, sqlite3.SQLITE_PERM}
 )
+
+
+_READ_WHOLE = ("result", "published", "failure", "source")
+_NODE = "stage = ? AND subject = ? AND variant = ?"
 
 
 class IndexDamagedError(Exception):
@@ -60,6 +68,7 @@ class Index:
 
     def __init__(self, path: Path | None) -> None:
         self._path = path
+        self._as_opened: dict[str, list[tuple[Any, ...]]] = {}
         if path is None:
             self._connection = sqlite3.connect(":memory:", isolation_level=None)
             self._connection.executescript(_LAYOUT)
@@ -91,7 +100,7 @@ class Index:
             for name in (new.name, f"{new.name}-journal", f"{path.name}-journal"):
                 path.with_name(name).unlink(missing_ok=True)
             connection = sqlite3.connect(new, isolation_level=None)
-            connection.executescript(f"BEGIN; {_LAYOUT} PRAGMA user_version = {FORMAT}; COMMIT;")
+            connection.executescript(f"BEGIN; {_LAYOUT} PRAGMA user_version = {_VERSION}; COMMIT;")
             connection.close()
             new.replace(path)  # whoever reads meanwhile finds the old one, or a whole new one
         except (OSError, sqlite3.Error) as error:
@@ -100,15 +109,14 @@ class Index:
         return cls(path)
 
     def _check(self, path: Path) -> None:
-        """Look at every page, and read every row."""
+        """Look at every page, and read every row but the facts, which are many and seldom asked for."""
         # the files are the truth: a crash of the machine may cost the index, never a result
         self._execute("PRAGMA synchronous = OFF")
-        if self._execute("PRAGMA user_version")[0][0] != FORMAT:
+        if self._execute("PRAGMA user_version")[0][0] != _VERSION:
             raise IndexDamagedError(f"{path} is of another format")
         if self._execute("PRAGMA quick_check(1)") != [("ok",)]:
             raise IndexDamagedError(f"{path} is damaged")
-        for table in ("result", "published", "failure", "source"):
-            self._read(f"SELECT * FROM {table}")  # noqa: S608
+        self._as_opened = {table: self._read(f"SELECT * FROM {table}") for table in _READ_WHOLE}  # noqa: S608
 
     def close(self) -> None:
         """Close the file."""
@@ -144,9 +152,19 @@ class Index:
             rows.append(tuple(row))
         return rows
 
+    def _whole(self, table: str) -> list[tuple[Any, ...]]:
+        """Return a table; for whoever asks first what was read when the index was opened, unless it was written."""
+        known = self._as_opened.pop(table, None)
+        return self._read(f"SELECT * FROM {table}") if known is None else known  # noqa: S608
+
     def _write(self, table: str, *values: object) -> None:
+        self._as_opened.pop(table, None)
         marks = ", ".join("?" * (len(values) + 1))
         self._execute(f"INSERT OR REPLACE INTO {table} VALUES ({marks})", (*values, _checksum(values)))  # noqa: S608
+
+    def _delete(self, table: str, which: str, *values: object) -> None:
+        self._as_opened.pop(table, None)
+        self._execute(f"DELETE FROM {table} WHERE {which}", values)  # noqa: S608
 
     @contextmanager
     def transaction(self) -> Iterator[None]:
@@ -169,37 +187,36 @@ class Index:
             result.subject,
             result.partition,
             canonical_json(result.outputs),
-            canonical_json(result.facts),
             canonical_json(result.notes),
             result.body,
         )
+        self._write("facts", result.key, canonical_json(result.facts))
 
     def results(self) -> dict[str, Result]:
         """Return every known result by key, ``facts`` left empty: taking them all apart is slow and seldom needed."""
-        rows = self._read("SELECT * FROM result")
         return {
             key: Result(key, stage, subject, partition, _outputs(outputs), {}, _notes(notes), body)
-            for key, stage, subject, partition, outputs, _, notes, body in rows
+            for key, stage, subject, partition, outputs, notes, body in self._whole("result")
         }
 
     def facts(self, key: str) -> dict[str, Any] | None:
         """Return what a result was made from, or None for an unknown key."""
-        rows = self._read("SELECT * FROM result WHERE key = ?", key)
-        return json.loads(rows[0][5]) if rows else None
+        rows = self._read("SELECT * FROM facts WHERE key = ?", key)
+        return json.loads(rows[0][1]) if rows else None
 
     def forget_results(self, keys: Iterable[str]) -> None:
         """Forget results whose files are gone."""
         for key in keys:
-            self._execute("DELETE FROM result WHERE key = ?", (key,))
+            self._delete("result", "key = ?", key)
+            self._delete("facts", "key = ?", key)
 
     def published(self) -> dict[tuple[str, ...], str]:
         """Return the key that is published for each node: by stage, subject and variant."""
-        return {tuple(node): key for *node, key in self._read("SELECT * FROM published")}
+        return {tuple(node): key for *node, key in self._whole("published")}
 
     def published_partition(self, node: tuple[str, ...]) -> str | None:
         """Return the partition of what is published for a node, if anything is."""
-        query = "SELECT * FROM published WHERE stage = ? AND subject = ? AND variant = ?"
-        keys = [row[3] for row in self._read(query, *node)]
+        keys = [row[3] for row in self._read(f"SELECT * FROM published WHERE {_NODE}", *node)]  # noqa: S608
         rows = self._read("SELECT * FROM result WHERE key = ?", keys[0]) if keys else []
         return rows[0][3] if rows else None
 
@@ -207,18 +224,17 @@ class Index:
         """Remember which result users find; an earlier failure is forgotten with it."""
         node = (result.stage, result.subject, variant)
         self._write("published", *node, result.key)
-        self._execute("DELETE FROM failure WHERE stage = ? AND subject = ? AND variant = ?", node)
+        self._delete("failure", _NODE, *node)
 
     def forget_nodes(self, nodes: Iterable[tuple[str, ...]]) -> None:
         """Forget what is published for nodes, and how they failed."""
         for node in nodes:
             for table in ("published", "failure"):
-                query = f"DELETE FROM {table} WHERE stage = ? AND subject = ? AND variant = ?"  # noqa: S608
-                self._execute(query, node)
+                self._delete(table, _NODE, *node)
 
     def failures(self) -> dict[tuple[str, ...], Failure]:
         """Return the last failure of each node that has failed since it last succeeded."""
-        return {tuple(row[:3]): Failure(*row) for row in self._read("SELECT * FROM failure")}
+        return {tuple(row[:3]): Failure(*row) for row in self._whole("failure")}
 
     def set_failure(self, failure: Failure) -> None:
         """Remember a failure."""
@@ -226,7 +242,7 @@ class Index:
 
     def source_digests(self) -> dict[str, tuple[SourceStat, str]]:
         """Return what was last known of each external source, by absolute path."""
-        return {path: (SourceStat(*stat), digest) for path, *stat, digest in self._read("SELECT * FROM source")}
+        return {path: (SourceStat(*stat), digest) for path, *stat, digest in self._whole("source")}
 
     def set_source_digest(self, path: Path, stat: SourceStat, digest: str) -> None:
         """Remember a source's digest, and the state of the file system that it holds for."""
@@ -235,7 +251,7 @@ class Index:
     def forget_sources(self, paths: Iterable[str]) -> None:
         """Forget the digests of these sources."""
         for path in paths:
-            self._execute("DELETE FROM source WHERE path = ?", (path,))
+            self._delete("source", "path = ?", path)
 
 
 def _stored(value: object) -> object:

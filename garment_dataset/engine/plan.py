@@ -56,7 +56,7 @@ class Decision:
     notes : tuple of str
         What the stage said of data that it left out, of a fresh node.
     facts : mapping or None
-        What the result wanted depends on: the pre-image of the key.
+        What the result wanted depends on, the pre-image of the key; of a fresh node it is not kept.
     """
 
     node: NodeId
@@ -111,12 +111,13 @@ class Plan:
 
 @dataclass(frozen=True)
 class Known:
-    """What the index holds, read once per plan."""
+    """What the index holds, read once per plan, and the states of the sources."""
 
     results: Mapping[str, Result]
     published: Mapping[tuple[str, ...], str]
     failures: Mapping[tuple[str, ...], Failure]
     sources: Mapping[str, tuple[SourceStat, str]]
+    stats: dict[Path, SourceStat | None] = field(default_factory=dict)
 
     @classmethod
     def of(cls, store: Store) -> Known:
@@ -127,7 +128,13 @@ class Known:
     def source_digest(self, path: Path) -> str | None:
         """Return a source's digest if its state is the one it was computed for, else None."""
         stat, known = self.sources.get(str(path), (None, None))
-        return known if stat is not None and stat == stat_source(path) else None
+        return known if stat is not None and stat == self.stat(path) else None
+
+    def stat(self, path: Path) -> SourceStat | None:
+        """Return the state of a source, looked at once."""
+        if path not in self.stats:
+            self.stats[path] = stat_source(path)
+        return self.stats[path]
 
 
 def make_plan(graph: Graph, codes: Mapping[str, Code], store: Store) -> Plan:
@@ -157,7 +164,7 @@ class _Planner:
     def _blocked(self, node: Node) -> Decision | None:
         if node.blocked is not None:
             return Decision(node.id, State.BLOCKED, (Reason("absent", node.blocked),))
-        absent = [path for path in node.sources.values() if stat_source(path) is None]
+        absent = [path for path in node.sources.values() if self.known.stat(path) is None]
         if absent:
             return Decision(node.id, State.BLOCKED, tuple(Reason("absent", str(path)) for path in absent))
         stuck = [feeder for feeder in dict.fromkeys(node.inputs.values()) if self._is_stuck(feeder)]
@@ -189,7 +196,7 @@ class _Planner:
         reasons += self._passing_failure(node)
         if published is None:
             return Decision(node.id, State.MISSING, tuple(reasons))
-        facts = self.store.index.facts(published) or {}
+        facts = self.store.facts(published) or {}
         own = self._own_reasons(facts, node) if facts else ()
         return Decision(node.id, State.STALE, (*own, *reasons), certain=bool(own))
 
@@ -234,7 +241,8 @@ class _Planner:
         code = self.codes[node.stage.name]
         fed = {feeder: result for feeder in node.feeders if (result := self._result_of(feeder)) is not None}
         facts = node_facts(node, code, self._digests(node), notes_of(node, fed))
-        return replace(self._compared(node, code, facts), facts=facts)
+        decision = self._compared(node, code, facts)
+        return decision if decision.state is State.FRESH else replace(decision, facts=facts)
 
     def _compared(self, node: Node, code: Code, facts: Mapping[str, Any]) -> Decision:
         """Compare what a node's result depends on with what there is."""
@@ -245,7 +253,7 @@ class _Planner:
         is_published = found is not None and published == key and self.store.is_published(found, node.variant)
         if found is not None and is_held and is_published:
             return Decision(node.id, State.FRESH, key=key, stored=True, notes=found.notes)
-        old = self.store.index.facts(published) if published is not None else None
+        old = self.store.facts(published) if published is not None else None
         reasons = fact_reasons(old, facts, node, code) if old is not None else ()
         if found is not None and (is_held or is_published):
             lost = self._what_is_lost(found, node) if is_held else "gone from the store, or damaged there"

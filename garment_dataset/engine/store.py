@@ -10,7 +10,8 @@ import contextlib
 import os
 import shutil
 import warnings
-from typing import TYPE_CHECKING
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.errors import DataWarning, StorageError, StoreError
 from garment_dataset.engine.index import Index, IndexDamagedError
@@ -19,7 +20,6 @@ from garment_dataset.engine.results import Result, StoredFile
 
 if TYPE_CHECKING:
     from collections.abc import Iterable
-    from pathlib import Path
 
 _HIDDEN = ".scratch"
 
@@ -111,6 +111,19 @@ class Store:
         published = self.feature_path(table, result.partition, result.subject, variant)
         return path if path.exists() else published
 
+    def facts(self, key: str) -> dict[str, Any] | None:
+        """Return what a result was made from, or None for an unknown key; from its file where need be."""
+        with contextlib.suppress(IndexDamagedError):
+            if (found := self.index.facts(key)) is not None:
+                return found
+        from garment_dataset.engine.artifacts import read_provenance
+
+        for output in self.results[key].outputs.values() if key in self.results else ():
+            with contextlib.suppress(StoreError):
+                facts: dict[str, Any] = read_provenance(self.objects.path(output.file.digest))["facts"]
+                return facts
+        return None
+
     def holds(self, result: Result) -> bool:
         """Say whether every object of a result is there, and whole."""
         return all(self.objects.holds(output.file) for output in result.outputs.values())
@@ -133,15 +146,17 @@ class Store:
 
     def feature_path(self, table: str, partition: str, subject: str, variant: str = "") -> Path:
         """Return where users find a result."""
-        return self.folder(variant) / table / partition / f"{subject}.parquet"
+        return Path(self.feature_name(table, partition, subject, variant))
+
+    def feature_name(self, table: str, partition: str, subject: str, variant: str = "") -> str:
+        """Return the same as text, for whoever asks it of every file there is."""
+        folder = f"{self.features_dir}/variant={variant}" if variant else self.features_dir
+        return f"{folder}/{table}/{partition}/{subject}.parquet" if partition else f"{folder}/{table}/{subject}.parquet"
 
     def is_published(self, result: Result, variant: str = "") -> bool:
         """Say whether users find exactly this result."""
-        # text, not Path: a plan asks this of every file there is
-        where = f"{result.partition}/{result.subject}" if result.partition else result.subject
-        folder = f"{self.features_dir}/variant={variant}" if variant else self.features_dir
         return all(
-            self.objects.is_whole(f"{folder}/{table}/{where}.parquet", output.file)
+            self.objects.is_whole(self.feature_name(table, result.partition, result.subject, variant), output.file)
             for table, output in result.outputs.items()
         )
 

@@ -93,9 +93,9 @@ def _unused_objects(session: Session) -> Iterator[Rubbish]:
 
 def _unused_code(session: Session) -> Iterator[Rubbish]:
     """Yield lists of functions that no result was made with, and that are not of the code as it is now."""
-    index = session.store.index
+    store = session.store
     used = {code.digest for code in session.codes.values()}
-    used |= {str((index.facts(key) or {}).get("code")) for key in index.published().values()}
+    used |= {str((store.facts(key) or {}).get("code")) for key in store.index.published().values()}
     for path in sorted((session.layout.private_dir / "code").glob("*.json")):
         if path.stem != "fingerprints" and path.stem not in used:
             yield Rubbish(path, _size(path), "describes code of no published result")

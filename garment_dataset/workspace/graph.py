@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 from garment_dataset.engine.graph import Graph, Node, NodeId
@@ -98,6 +98,8 @@ class _Drawing:
         self._tables: dict[tuple[str, str, str], NodeId] = {}
         self.partial: list[NodeId] = []
         self._drawn: set[tuple[NodeId, str]] = set()
+        self._bags: dict[str, _Bag] = {}
+        self._backgrounds: dict[int, BackgroundSource] = {}
 
     def _is_drawn(self, node_id: NodeId, pipeline: Pipeline) -> bool:
         """Say whether a pipeline has asked for a node before; from now on it has."""
@@ -110,9 +112,17 @@ class _Drawing:
     def add(self, stage: Stage, row: CatalogRow, pipeline: Pipeline) -> NodeId:
         """Add a stage of a recording, with what feeds it; what its camera position shares is added once for all."""
         if stage.per == "position":
-            return self._add_position(stage, self._catalog.background(row.topics_file), pipeline)
-        bag = _Bag(row.recording, row.path, row.topics_file, _values(row), row.partition)
+            return self._add_position(stage, self._background(row.topics_file), pipeline)
+        bag = self._bags.get(row.recording)
+        if bag is None:
+            bag = _Bag(row.recording, row.path, row.topics_file, _values(row), _path(row.partition))
+            self._bags[row.recording] = bag
         return self._add_bag(stage, bag, pipeline)
+
+    def _background(self, topics_file: int) -> BackgroundSource:
+        if topics_file not in self._backgrounds:
+            self._backgrounds[topics_file] = self._catalog.background(topics_file)
+        return self._backgrounds[topics_file]
 
     def add_group(self, stage: Stage, group: RecordingGroup, pipeline: Pipeline, *, is_whole: bool) -> None:
         """Add a stage of a group, whose recordings' nodes are there already; only note it when some are not."""
@@ -149,7 +159,7 @@ class _Drawing:
         node_id = NodeId(stage.name, bag.name, pipeline.file.variant)
         if self._is_drawn(node_id, pipeline):
             return node_id
-        inputs = self._add_feeders(stage, bag, self._catalog.background(bag.topics_file), pipeline)
+        inputs = self._add_feeders(stage, bag, self._background(bag.topics_file), pipeline)
         return self._put(
             Node(
                 stage=stage,
@@ -157,8 +167,8 @@ class _Drawing:
                 params=pipeline.params[stage.name],
                 sources=bag.sources(stage),
                 inputs=inputs,
-                labels=_labels(stage, bag.labels),
-                partition=_path(bag.partition),
+                labels=bag.labels_for(stage),
+                partition=bag.partition,
                 variant=pipeline.file.variant,
                 blocked=self._obstacle(inputs),
             ),
@@ -172,7 +182,7 @@ class _Drawing:
             return node_id
         topics_file = source.topics_file if source.row is None else source.row.topics_file
         labels = source.labels if source.row is None else _values(source.row)
-        bag = _Bag(source.source, source.path, topics_file, labels, source.partition)
+        bag = _Bag(source.source, source.path, topics_file, labels, _path(source.partition))
         inputs = {} if source.path is None else self._add_feeders(stage, bag, source, pipeline)
         return self._put(
             Node(
@@ -181,7 +191,7 @@ class _Drawing:
                 params=_params_of_position(stage, source, pipeline),
                 sources=bag.sources(stage),
                 inputs=inputs,
-                labels=_labels(stage, bag.labels),
+                labels=bag.labels_for(stage),
                 variant=pipeline.file.variant,
                 blocked=f"no background: {source.missing}" if source.path is None else self._obstacle(inputs),
             ),
@@ -213,6 +223,21 @@ class _Drawing:
     def _put(self, node: Node, pipeline: Pipeline) -> NodeId:
         """Keep a node, unless it is there already; refuse one that contradicts what is there."""
         known = self.nodes.setdefault(node.id, node)
+        if known is not node:
+            self._put_beside(known, node, pipeline)
+        for output in node.stage.outputs:
+            other = self._tables.setdefault((output.name, node.subject, node.variant), node.id)
+            if other != node.id:
+                raise PipelineError(
+                    f"two pipelines make table {output.name!r} of {node.subject} by different stages",
+                    where=pipeline.name,
+                    found=f"{other.stage} and {node.id.stage}",
+                    hint="Let their `recordings` exclude each other, or give one a `variant`.",
+                )
+        return node.id
+
+    def _put_beside(self, known: Node, node: Node, pipeline: Pipeline) -> None:
+        """Compare a node with what another pipeline has made of it."""
         shared = {*known.inputs, *node.inputs} - ({*known.inputs} ^ {*node.inputs}) & node.stage.optional
         sides = {
             "parameters": (known.params, node.params),
@@ -227,16 +252,6 @@ class _Drawing:
             )
         if known.inputs != node.inputs:  # each pipeline has some of the tables that the stage can do without
             self.nodes[node.id] = replace(known, inputs={**known.inputs, **node.inputs})
-        for output in node.stage.outputs:
-            other = self._tables.setdefault((output.name, node.subject, node.variant), node.id)
-            if other != node.id:
-                raise PipelineError(
-                    f"two pipelines make table {output.name!r} of {node.subject} by different stages",
-                    where=pipeline.name,
-                    found=f"{other.stage} and {node.id.stage}",
-                    hint="Let their `recordings` exclude each other, or give one a `variant`.",
-                )
-        return node.id
 
 
 def _params_of_position(stage: Stage, source: BackgroundSource, pipeline: Pipeline) -> StageParams:
@@ -268,7 +283,14 @@ class _Bag:
     path: Path | None
     topics_file: int
     labels: LabelValues
-    partition: Mapping[str, str]
+    partition: str
+    made_labels: dict[tuple[str, ...], tuple[Label, ...]] = field(default_factory=dict)
+
+    def labels_for(self, stage: Stage) -> tuple[Label, ...]:
+        """Return the labels of a result; those that stages share are made once."""
+        if stage.about not in self.made_labels:
+            self.made_labels[stage.about] = _labels(stage, self.labels)
+        return self.made_labels[stage.about]
 
     def sources(self, stage: Stage) -> dict[str, Path]:
         return {name: self.path for name in stage.arguments if name in stage.sources and self.path is not None}

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import os
 from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from garment_dataset.catalog import Catalog
@@ -19,7 +21,6 @@ from garment_dataset.workspace.pipelines import load_pipelines
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
-    from pathlib import Path
     from types import TracebackType
     from typing import Self
 
@@ -235,13 +236,14 @@ class Session:
         """Return the Parquet files in the features folder that nothing asks for any more, with why; sorted."""
         if not len(self._whole_graph):
             return {}
+        # text, not Path: every build looks at all files
         wanted = {
-            self.store.feature_path(output.name, node.partition, node.subject, node.variant)
+            self.store.feature_name(output.name, node.partition, node.subject, node.variant)
             for node in self._whole_graph
             for output in node.stage.outputs
         }
-        found = (path for path in sorted(self.layout.features_dir.glob("**/*.parquet")) if path not in wanted)
-        return {path: self._why_orphaned(path) for path in found if not _is_hidden(path, self.layout.features_dir)}
+        found = [Path(name) for name in _files_below(str(self.layout.features_dir)) if name not in wanted]
+        return {path: self._why_orphaned(path) for path in sorted(found)}
 
     def _why_orphaned(self, path: Path) -> str:
         parts = path.relative_to(self.layout.features_dir).parts
@@ -257,5 +259,15 @@ class Session:
         return "no recording, group or camera position of this name has a bag"
 
 
-def _is_hidden(path: Path, root: Path) -> bool:
-    return any(part.startswith((".", "_")) for part in path.relative_to(root).parts)
+def _files_below(folder: str) -> Iterator[str]:
+    """Yield the Parquet files in a folder and those below it, what is hidden left out."""
+    try:
+        with os.scandir(folder) as entries:
+            seen = [entry for entry in entries if not entry.name.startswith((".", "_"))]
+    except OSError:
+        return
+    for entry in seen:
+        if entry.is_dir():
+            yield from _files_below(entry.path)
+        elif entry.name.endswith(".parquet"):
+            yield entry.path
