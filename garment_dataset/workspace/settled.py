@@ -100,7 +100,7 @@ def _stamp(layout: Layout, code: Iterable[str], youngest_ns: int | None = None) 
     """Return a digest of the states of all that a plan rests on."""
     states = _States(youngest_ns)
     places = [folder for folder in sys.path if folder not in HOMES]  # stages of one's own have their folder put there
-    states.add_text(f"{sys.version}\n{places}\n{layout}")
+    states.add_text(f"{sys.version}\n{places}\n{layout.root}")
     private = layout.private_dir
     for path in (layout.root / SETTINGS, private / "index.sqlite", *code):
         states.add(str(path))
