@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import gc
 import sys
 import warnings
 
@@ -65,6 +66,8 @@ app.add_typer(new.app, name="new")
 def main() -> None:
     """Run the command; what a user caused is one line, a bug keeps its traceback."""
     take_any_text()
+    # a plan of thousands of recordings makes a million objects that stay: looking for rubbish among them finds none
+    gc.set_threshold(200_000, 20, 100)
     warnings.showwarning = show_warning
     try:
         app()

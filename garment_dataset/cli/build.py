@@ -93,6 +93,7 @@ def build(
                 forced=force,
                 rehash=rehash,
                 wait=not no_wait,
+                is_planned=True,
                 emit=tell,
                 tell=lambda text: say(f"garment: {text}"),
             )

@@ -106,6 +106,22 @@ def read_provenance(path: Path) -> dict[str, Any]:
     return provenance
 
 
+def read_whole_provenance(path: Path) -> tuple[str, dict[str, Any]]:
+    """Read a result file once; return the sha256 of its bytes, and what it says of its own making.
+
+    Raises
+    ------
+    StoreError
+        If the file cannot be read or was not written by :func:`write_artifact`.
+    """
+    try:
+        content = path.read_bytes()
+        metadata = pq.read_metadata(pa.BufferReader(content)).metadata or {}
+        return hashlib.sha256(content).hexdigest(), json.loads(metadata[PROVENANCE_KEY])
+    except (OSError, pa.ArrowInvalid, KeyError, ValueError) as error:
+        raise StoreError("not a result file of this store", where=path, found=error) from error
+
+
 def content_digest(table: pa.Table) -> str:
     """Return the sha256 of a table's logical content: column names, types and values.
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 
 from garment_dataset.engine.errors import StageError
@@ -55,6 +54,13 @@ class Node:
         Set of results that it belongs to: results that differ in parameters alone may stand side by side.
     blocked : str or None
         Why it cannot be run at all, and what to provide.
+
+    Attributes
+    ----------
+    id : NodeId
+        Stage, subject and variant.
+    feeders : tuple of NodeId
+        All nodes whose tables it reads, each once.
     """
 
     stage: Stage
@@ -67,17 +73,13 @@ class Node:
     partition: str = ""
     variant: str = ""
     blocked: str | None = None
+    id: NodeId = field(init=False, repr=False, compare=False)
+    feeders: tuple[NodeId, ...] = field(init=False, repr=False, compare=False)
 
-    @cached_property
-    def id(self) -> NodeId:
-        """Stage, subject and variant."""
-        return NodeId(self.stage.name, self.subject, self.variant)
-
-    @cached_property
-    def feeders(self) -> tuple[NodeId, ...]:
-        """All nodes whose tables it reads, each once."""
+    def __post_init__(self) -> None:
         gathered = (feeder for feeders in self.gathers.values() for feeder in feeders)
-        return tuple(dict.fromkeys((*self.inputs.values(), *gathered)))
+        object.__setattr__(self, "id", NodeId(self.stage.name, self.subject, self.variant))
+        object.__setattr__(self, "feeders", tuple(dict.fromkeys((*self.inputs.values(), *gathered))))
 
     @property
     def empty_groups(self) -> tuple[str, ...]:

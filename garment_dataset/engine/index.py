@@ -71,7 +71,7 @@ class Index:
         self._as_opened: dict[str, list[tuple[Any, ...]]] = {}
         if path is None:
             self._connection = sqlite3.connect(":memory:", isolation_level=None)
-            self._connection.executescript(_LAYOUT)
+            self._connection.executescript(f"{_LAYOUT} PRAGMA user_version = {_VERSION};")
             return
         if not path.is_file():
             raise IndexDamagedError(f"{path} is not there")
@@ -86,8 +86,8 @@ class Index:
             raise
 
     @classmethod
-    def create(cls, path: Path) -> Index:
-        """Make an empty index, in place of what is there.
+    def create(cls, path: Path, content: Index) -> Index:
+        """Put what another index holds, one in memory, in the place of what is there.
 
         Raises
         ------
@@ -100,7 +100,7 @@ class Index:
             for name in (new.name, f"{new.name}-journal", f"{path.name}-journal"):
                 path.with_name(name).unlink(missing_ok=True)
             connection = sqlite3.connect(new, isolation_level=None)
-            connection.executescript(f"BEGIN; {_LAYOUT} PRAGMA user_version = {_VERSION}; COMMIT;")
+            content._connection.backup(connection)
             connection.close()
             new.replace(path)  # whoever reads meanwhile finds the old one, or a whole new one
         except (OSError, sqlite3.Error) as error:

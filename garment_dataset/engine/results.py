@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Iterator, Mapping
 
 FORMAT = 3
 """Raised when the files' footers or the index change: what was made before is made anew."""
@@ -70,33 +70,29 @@ class Result:
     body: str = ""
 
     @classmethod
-    def from_footers(cls, footers: Iterable[tuple[StoredFile, Mapping[str, Any]]]) -> dict[str, Result]:
-        """Put results together from the footers of their files; a result with a table missing is left out.
+    def from_footers(cls, footers: Iterable[tuple[StoredFile, Mapping[str, Any]]]) -> Iterator[Result]:
+        """Put results together from the footers of their files, each yielded when the last of its tables has come.
 
-        So are files of another format: their keys name nothing that can be wanted again.
+        A result with a table missing is left out. So are files of another format: their keys name nothing that can be
+        wanted again. Of two files of one table the later counts: the result is then yielded once more.
         """
         outputs: dict[str, dict[str, StoredOutput]] = {}
-        about: dict[str, Mapping[str, Any]] = {}
         for file, footer in footers:
             if footer.get("facts", {}).get("format") != FORMAT:
                 continue
-            about[footer["key"]] = footer
-            output = StoredOutput(file, footer["content"], footer["rows"], footer["labelled"])
-            outputs.setdefault(footer["key"], {})[footer["table"]] = output
-        return {
-            key: cls(
-                key,
-                footer["facts"]["stage"],
-                footer["subject"],
-                footer["partition"],
-                outputs[key],
-                footer["facts"],
-                tuple(footer["notes"]),
-                footer["body"],
-            )
-            for key, footer in about.items()
-            if set(outputs[key]) == set(footer["tables"])
-        }
+            found = outputs.setdefault(footer["key"], {})
+            found[footer["table"]] = StoredOutput(file, footer["content"], footer["rows"], footer["labelled"])
+            if set(found) == set(footer["tables"]):
+                yield cls(
+                    footer["key"],
+                    footer["facts"]["stage"],
+                    footer["subject"],
+                    footer["partition"],
+                    dict(found),
+                    footer["facts"],
+                    tuple(footer["notes"]),
+                    footer["body"],
+                )
 
 
 class Failure(NamedTuple):

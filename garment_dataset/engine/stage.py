@@ -84,7 +84,7 @@ class Stage:
         """Whether the function wants to know what the stages that feed it said."""
         return NOTES in inspect.signature(self.function).parameters
 
-    @property
+    @cached_property
     def inputs(self) -> tuple[str, ...]:
         """The tables it reads."""
         return tuple(name for name in self.arguments if name not in self.sources)

@@ -15,11 +15,12 @@ from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.errors import DataWarning, StorageError, StoreError
 from garment_dataset.engine.index import Index, IndexDamagedError
+from garment_dataset.engine.loaded import file_state
 from garment_dataset.engine.objects import Objects, file_digest, place
 from garment_dataset.engine.results import Result, StoredFile
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
 _HIDDEN = ".scratch"
 
@@ -48,6 +49,7 @@ class Store:
         self._index_path = private_dir / "index.sqlite"
         self._is_lasting = True
         self._is_prepared = False
+        self._opened = file_state(str(self._index_path))
         try:
             self.index = Index(self._index_path)
             self.results = self.index.results()
@@ -80,15 +82,20 @@ class Store:
         self._is_prepared = True
         self.clear_scratch()
         if not self._is_lasting:
-            self.index.close()
             if self._index_path.is_dir():
                 raise StorageError(
                     "a folder lies where the index belongs", where=self._index_path, hint="Move it away."
                 )
-            self.index = Index.create(self._index_path)
+            lasting = Index.create(self._index_path, self.index)
+            self.index.close()
+            self.index = lasting
             self._is_lasting = True
-            self._read_footers()
-            self.results = self.index.results()
+            self._opened = file_state(str(self._index_path))
+
+    @property
+    def is_current(self) -> bool:
+        """Whether no other process has written the index since it was opened."""
+        return file_state(str(self._index_path)) == self._opened
 
     @property
     def scratch_dirs(self) -> tuple[Path, ...]:
@@ -195,25 +202,26 @@ class Store:
 
     def _read_footers(self) -> None:
         """Fill the index from the footers of all objects that are what their names say."""
-        from garment_dataset.engine.artifacts import read_provenance
-
-        footers = []
-        for path in self.objects:
-            try:
-                stat = path.stat()
-                if file_digest(path) == path.stem:
-                    footers.append((StoredFile(path.stem, stat.st_size, stat.st_mtime_ns), read_provenance(path)))
-            except (OSError, StoreError):
-                continue  # whatever it was, it is made anew when it is wanted
-        results = Result.from_footers(footers)
         named = (path.name.removeprefix("variant=") for path in sorted(self.features_dir.glob("variant=*")))
         variants = ("", *named)
         with self.index.transaction():
-            for result in results.values():
+            for result in Result.from_footers(self._footers()):
                 self.index.add_result(result)
                 for variant in variants:
                     if self.is_published(result, variant):
                         self.index.set_published(result, variant)
+
+    def _footers(self) -> Iterator[tuple[StoredFile, dict[str, Any]]]:
+        from garment_dataset.engine.artifacts import read_whole_provenance
+
+        for path in self.objects:
+            try:
+                stat = path.stat()
+                digest, provenance = read_whole_provenance(path)
+            except (OSError, StoreError):
+                continue  # whatever it was, it is made anew when it is wanted
+            if digest == path.stem:
+                yield StoredFile(path.stem, stat.st_size, stat.st_mtime_ns), provenance
 
     def forget(self, keys: Iterable[str]) -> None:
         """Forget results whose objects were removed."""

@@ -32,6 +32,7 @@ def build(
     forced: bool = False,
     rehash: bool = False,
     wait: bool = True,
+    is_planned: bool = False,
     emit: Callable[[Event], None] = lambda _: None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Report:
@@ -54,6 +55,8 @@ def build(
         Read the content of every bag anew, whatever size and time say.
     wait : bool
         Whether to wait for another build.
+    is_planned : bool
+        Whether the session's plan was made just now, and is to be acted on unless another build came between.
     emit : callable
         Told of every node's ending as it happens.
     tell : callable
@@ -74,7 +77,14 @@ def build(
         with interrupts.cleaning_up(session.store.clear_scratch, _INTERRUPTED):
             log = BuildLog.begin(layout.private_dir, session.codes)
             describe_tables(session)
-            report = session.act(jobs=jobs, scheduler=scheduler, retry_failed=retry_failed, forced=forced, emit=emit)
+            report = session.act(
+                jobs=jobs,
+                scheduler=scheduler,
+                retry_failed=retry_failed,
+                forced=forced,
+                is_planned=is_planned,
+                emit=emit,
+            )
             describe_tables(session)
             note_orphans(session)
             log.end(report)

@@ -75,6 +75,7 @@ class Session:
         self._filters = tuple(filters)
         self._stage_names = tuple(stages)
         self._subject = ""
+        self._planned: Plan | None = None
         self._read()
         self.store = Store(layout.private_dir, layout.features_dir)
 
@@ -100,10 +101,13 @@ class Session:
             self.__dict__.pop(name, None)
 
     def reload(self, *, everything: bool) -> None:
-        """Read the index anew, which another process may have written; and, on demand, all that a person edits."""
-        self.store.close()
+        """Read the index anew if another process has written it; and, on demand, all that a person edits."""
         if everything:
             self._read()
+        elif self.store.is_current:
+            return
+        self._planned = None
+        self.store.close()
         self.store = Store(self.layout.private_dir, self.layout.features_dir)
 
     @classmethod
@@ -160,10 +164,12 @@ class Session:
 
     def plan(self) -> Plan:
         """Decide about every node; nothing is run."""
-        return make_plan(self.graph, self.codes, self.store)
+        self._planned = make_plan(self.graph, self.codes, self.store)
+        return self._planned
 
     def forget_digests(self) -> None:
         """Have the content of every selected bag read anew, whatever size and time say."""
+        self._planned = None
         self.store.index.forget_sources([str(path) for node in self.graph for path in node.sources.values()])
 
     def act(
@@ -173,13 +179,18 @@ class Session:
         scheduler: str | None = None,
         retry_failed: bool = False,
         forced: bool = False,
+        is_planned: bool = False,
         emit: Callable[[Event], None] = lambda _: None,
     ) -> Report:
-        """Act on the plan as it is now, under the lock: see :func:`garment_dataset.workspace.building.build`."""
+        """Act on a plan, under the lock: see :func:`garment_dataset.workspace.building.build`.
+
+        With ``is_planned`` on the one that was made last, unless the workspace was read anew since.
+        """
         from garment_dataset.engine.options import Options
         from garment_dataset.engine.run import Run
 
-        plan = self.plan()
+        plan = (self._planned if is_planned else None) or self.plan()
+        self._planned = None
         subjects = {decision.node.subject for decision in plan if forced or decision.state is not State.FRESH}
         self.store.prepare()
         with self._workers(jobs, scheduler, len(subjects)) as (pool, slots):

@@ -24,7 +24,7 @@ from garment_dataset.layout import SETTINGS
 from garment_dataset.workspace.known_stages import PACKAGE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Iterator
 
     from garment_dataset.layout import Layout
 
@@ -62,7 +62,8 @@ def recall(layout: Layout) -> Settled | None:
         if kept["check"] != digest(_TAG, kept["body"]):
             return None
         body = kept["body"]
-        if body["stamp"] != _stamp(layout, body["code"]):
+        # one by one: the first that differs spares the others
+        if any(old != new for old, new in zip(body["stamps"], _stamps(layout, body["code"]), strict=True)):
             return None
         return Settled(**{**body["settled"], "said": tuple(body["settled"]["said"])})
     except (OSError, ValueError, KeyError, TypeError):
@@ -85,10 +86,10 @@ def remember(layout: Layout, settled: Settled, code: Iterable[str], began_ns: in
     """
     files = sorted(code)
     try:
-        stamp = _stamp(layout, files, youngest_ns=began_ns - _YOUNG_NS)
+        stamps = list(_stamps(layout, files, youngest_ns=began_ns - _YOUNG_NS))
     except _TooYoungError:
         return
-    body = {"stamp": stamp, "code": files, "settled": asdict(settled)}
+    body = {"stamps": stamps, "code": files, "settled": asdict(settled)}
     path = layout.private_dir / _FILE
     temporary = path.with_name(f".{_FILE}.{os.getpid()}")
     with contextlib.suppress(OSError):
@@ -96,20 +97,25 @@ def remember(layout: Layout, settled: Settled, code: Iterable[str], began_ns: in
         temporary.replace(path)
 
 
-def _stamp(layout: Layout, code: Iterable[str], youngest_ns: int | None = None) -> str:
-    """Return a digest of the states of all that a plan rests on."""
+def _stamps(layout: Layout, code: Iterable[str], youngest_ns: int | None = None) -> Iterator[str]:
+    """Yield digests of the states of all that a plan rests on: of what is few, or often changed, first."""
     states = _States(youngest_ns)
     places = [folder for folder in sys.path if folder not in HOMES]  # stages of one's own have their folder put there
     states.add_text(f"{sys.version}\n{places}\n{layout.root}")
     private = layout.private_dir
     for path in (layout.root / SETTINGS, private / "index.sqlite", *code):
         states.add(str(path))
-    folders = (layout.catalog_dir, layout.pipelines_dir, layout.stages_dir, layout.recordings_dir, layout.features_dir)
-    for folder in (*folders, private / "objects", private / "scratch", private / "code", PACKAGE):
+    for folder in (layout.catalog_dir, layout.pipelines_dir, layout.stages_dir, PACKAGE):
         states.add_below(str(folder))
     for place in places:
         states.add_installed(place or ".")
-    return states.digest()
+    yield states.digest()
+    for folder in (layout.recordings_dir, layout.features_dir):
+        states.add_below(str(folder))
+        yield states.digest()
+    for name in ("scratch", "code", "objects"):
+        states.add_below(str(private / name))
+    yield states.digest()
 
 
 class _States:
