@@ -7,7 +7,7 @@ STAMP := $(VENV)/.installed
 LOWEST := .venv-lowest
 
 .DEFAULT_GOAL := help
-.PHONY: help setup demo test test-slow test-lowest test-python check format accuracy bench clean
+.PHONY: help setup demo test test-slow test-lowest test-python check format accuracy bench bench-check clean
 
 help: ## Show this list
 	@grep -E '^[a-z-]+:.*##' $(MAKEFILE_LIST) | sed -E 's/:.*## /\t/' | expand -t 12
@@ -60,7 +60,10 @@ accuracy: $(STAMP) ## Simulate, build and score; rewrites the pages of accuracy 
 	$(BIN)/python benchmarks/accuracy_color.py
 
 bench: $(STAMP) ## Run the side-by-side measurements
-	@for script in $(filter-out benchmarks/accuracy%,$(wildcard benchmarks/*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+	@for script in $(filter-out benchmarks/accuracy% benchmarks/ratios.py,$(wildcard benchmarks/*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+
+bench-check: $(STAMP) ## Measure a few ratios at small sizes, and compare them with what they are to be
+	$(BIN)/python benchmarks/ratios.py
 
 clean: ## Remove what the targets above made, the demo included
 	rm -rf $(VENV) .venv-* demo dist build .pytest_cache .mypy_cache .ruff_cache .hypothesis

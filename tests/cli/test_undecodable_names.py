@@ -80,7 +80,7 @@ def test_parquet_there_is_refused_in_one_line(odd: Path, tmp_path: Path, command
 
 
 def test_the_index_keeps_what_is_no_utf8(tmp_path: Path) -> None:
-    index = Index.create(tmp_path / "index")
+    index = Index.create(tmp_path / "index", Index(None))
     stat = SourceStat(1, 2, 3, 4)
     failure = Failure("decode", "a", "", "key", "BagError", f"{ODD}: \ud800 is empty", "", 1)
     index.set_source_digest(Path(ODD), stat, "digest")

@@ -54,6 +54,11 @@ def stored(workspace: Workspace) -> Path:
     return next((workspace.private_dir / "objects").rglob("*.parquet"))
 
 
+def put(path: Path) -> None:
+    path.parent.mkdir()
+    path.write_text("another bag")
+
+
 def append(path: Path, text: str) -> None:
     path.write_text(path.read_text() + text)
 
@@ -83,10 +88,7 @@ CHANGES: dict[str, Callable[[Workspace], object]] = {
     "a bag is replaced, size and time as before": lambda ws: replace(bag(ws)),
     "a bag is gone": lambda ws: bag(ws).unlink(),
     "a bag is renamed": lambda ws: bag(ws).rename(bag(ws).with_name("GreenTowel_Ruler_03_pi16_0.5_R1.bag")),
-    "a bag arrives in a folder": lambda ws: (
-        (ws.recordings_dir / "more").mkdir(),
-        (ws.recordings_dir / "more" / "GreenTowel_Ruler_04_pi16_0.5_R1.bag").write_text("bag 4"),
-    ),
+    "a bag arrives in a folder": lambda ws: put(ws.recordings_dir / "more" / "GreenTowel_Ruler_04_pi16_0.5_R1.bag"),
     "a bag is ignored": lambda ws: (ws.recordings_dir / ".garmentignore").write_text(f"{NAMES[0]}.bag\n"),
     "a parameter is changed": lambda ws: edit(ws.pipelines_dir / "small.toml", "1.0", "2.0"),
     "a pipeline is added": lambda ws: (ws.pipelines_dir / "b.toml").write_text('variant = "b"\nstages = ["sizes"]\n'),
