@@ -1,8 +1,8 @@
 """The engine at the size of a large data set, through the commands that a person types: whole processes, in rounds.
 
-A workspace of thousands of tiny recordings and three trivial stages. Beside each command a bare typer + pydantic
-command is timed in the same round. Wall time is what a person waits; processor time is what other work on a shared machine
-disturbs least, and what ``bench-check`` compares.
+Beside each command a bare typer + pydantic command is timed in the same round. Wall time is what a person waits;
+processor time is what other work on a shared machine disturbs least, and what ``bench-check`` compares. The workspace
+has thousands of tiny recordings and three trivial stages.
 """
 
 from __future__ import annotations
