@@ -10,15 +10,20 @@ import sys
 import threading
 import types
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
+from multiprocessing import forkserver
 from typing import TYPE_CHECKING, ParamSpec, TypeVar
 
-from garment_dataset.engine.threads import VARIABLES
+from garment_dataset.engine.threads import VARIABLES, one_thread_variables
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
+    from multiprocessing.context import BaseContext
 
 P = ParamSpec("P")
 T = TypeVar("T")
+
+_PRELOADED = ("numpy", "pandas", "pyarrow.parquet", "cv2")
+"""Libraries that workers load sooner or later; one that is not installed is passed over."""
 
 _OF_THE_TERMINAL = [signal.Signals[name] for name in ("SIGINT", "SIGHUP", "SIGQUIT") if hasattr(signal, name)]
 
@@ -37,10 +42,13 @@ class SerialExecutor(Executor):
 
 
 class LocalExecutor(ProcessPoolExecutor):
-    """Spawned worker processes, one thread each, that end when this process does, however it ends.
+    """Worker processes, one thread each, that end when this process does, however it ends.
 
-    Processes are spawned, not forked: OpenCV and Arrow hold threads and locks that a fork would copy half. They do not
-    import the program that builds: a script needs no ``if __name__ == "__main__"`` and may come from standard input.
+    This process is never forked: OpenCV and Arrow hold threads and locks that a fork would copy half. Where the system
+    can, workers are forked from a server that has imported the heavy libraries and run nothing of them, so that the
+    second costs no import; it ends with the executor, for the next one may find other versions. Elsewhere they are
+    spawned. They do not import the program that builds: a script needs no ``if __name__ == "__main__"`` and may come
+    from standard input.
 
     Parameters
     ----------
@@ -49,12 +57,21 @@ class LocalExecutor(ProcessPoolExecutor):
     """
 
     def __init__(self, jobs: int) -> None:
-        super().__init__(jobs, mp_context=multiprocessing.get_context("spawn"), initializer=prepare_process)
+        context = _context(jobs)
+        self._is_forked = context.get_start_method() == "forkserver"
+        super().__init__(jobs, mp_context=context, initializer=prepare_process)
 
     def submit(self, fn: Callable[P, T], /, *args: P.args, **kwargs: P.kwargs) -> Future[T]:
         """Hand over a task; it is here that processes are started."""
-        with _without_program(), _deaf():
+        with _without_program(), _deaf(), one_thread_variables():
             return super().submit(fn, *args, **kwargs)
+
+    def shutdown(self, wait: bool = True, *, cancel_futures: bool = False) -> None:
+        """End the processes, and with the last of them the server that they were forked from."""
+        super().shutdown(wait, cancel_futures=cancel_futures)
+        if wait and self._is_forked:
+            # public is only to start it; left running, it would give a later build the libraries of this moment
+            forkserver._forkserver._stop()  # type: ignore[attr-defined]  # noqa: SLF001
 
     def kill(self) -> None:
         """End all processes at once, whatever they do."""
@@ -66,6 +83,15 @@ class LocalExecutor(ProcessPoolExecutor):
         for process in processes:
             with contextlib.suppress(OSError, ValueError, AssertionError):
                 process.join(5)
+
+
+def _context(jobs: int) -> BaseContext:
+    """Return how processes are started; for a single one, a server would only come on top."""
+    if jobs < 2 or "forkserver" not in multiprocessing.get_all_start_methods():
+        return multiprocessing.get_context("spawn")
+    context = multiprocessing.get_context("forkserver")
+    context.set_forkserver_preload(list(_PRELOADED))
+    return context
 
 
 @contextlib.contextmanager

@@ -22,9 +22,20 @@ _PREFIXES = ("scipy_openblas", "openblas")
 @contextlib.contextmanager
 def one_thread() -> Iterator[None]:
     """Have OpenBLAS and OpenCV use one thread, those loaded already and those loaded within; afterwards as before."""
+    with one_thread_variables():
+        undo = [_set_to_one(get, set_) for get, set_ in _thread_counts()]
+        try:
+            yield
+        finally:
+            for back in undo:
+                back()
+
+
+@contextlib.contextmanager
+def one_thread_variables() -> Iterator[None]:
+    """Have libraries that are loaded within, and in processes that are started within, use one thread."""
     variables = {name: os.environ.get(name) for name in VARIABLES}
     os.environ.update(dict.fromkeys(VARIABLES, "1"))
-    undo = [_set_to_one(get, set_) for get, set_ in _thread_counts()]
     try:
         yield
     finally:
@@ -33,8 +44,6 @@ def one_thread() -> Iterator[None]:
                 os.environ.pop(name, None)
             else:
                 os.environ[name] = value
-        for back in undo:
-            back()
 
 
 def _set_to_one(get: Callable[[], int], set_: Callable[[int], Any]) -> Callable[[], Any]:
