@@ -2,27 +2,23 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 from garment_dataset.engine.graph import Graph, Node, NodeId
-from garment_dataset.engine.table import Label
 from garment_dataset.errors import FilterError, PipelineError, StageError
 from garment_dataset.stages import Group, Stage
-from garment_dataset.stages.stage import ABOUT
 from garment_dataset.workspace.groups import groups_of
+from garment_dataset.workspace.labels import Bag, labels_of, path_of, values_of
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Mapping, Sequence
-    from pathlib import Path
 
     from garment_dataset.catalog import BackgroundSource, Catalog, CatalogRow
     from garment_dataset.catalog.filters import Predicate
     from garment_dataset.engine.stage import StageParams
     from garment_dataset.workspace.groups import RecordingGroup
     from garment_dataset.workspace.pipelines import Pipeline
-
-    LabelValues = Mapping[str, str | int | float | None]
 
 
 @dataclass(frozen=True)
@@ -98,7 +94,7 @@ class _Drawing:
         self._tables: dict[tuple[str, str, str], NodeId] = {}
         self.partial: list[NodeId] = []
         self._drawn: set[tuple[NodeId, str]] = set()
-        self._bags: dict[str, _Bag] = {}
+        self._bags: dict[str, Bag] = {}
         self._backgrounds: dict[int, BackgroundSource] = {}
 
     def _is_drawn(self, node_id: NodeId, pipeline: Pipeline) -> bool:
@@ -115,7 +111,7 @@ class _Drawing:
             return self._add_position(stage, self._background(row.topics_file), pipeline)
         bag = self._bags.get(row.recording)
         if bag is None:
-            bag = _Bag(row.recording, row.path, row.topics_file, _values(row), _path(row.partition))
+            bag = Bag(row.recording, row.path, row.topics_file, values_of(row), path_of(row.partition))
             self._bags[row.recording] = bag
         return self._add_bag(stage, bag, pipeline)
 
@@ -147,14 +143,14 @@ class _Drawing:
                 params=pipeline.params[stage.name],
                 inputs=inputs,
                 gathers=members,
-                labels=_labels(stage, group.labels),
-                partition=_path(group.partition),
+                labels=labels_of(stage, group.labels),
+                partition=path_of(group.partition),
                 variant=pipeline.file.variant,
             ),
             pipeline,
         )
 
-    def _add_bag(self, stage: Stage, bag: _Bag, pipeline: Pipeline) -> NodeId:
+    def _add_bag(self, stage: Stage, bag: Bag, pipeline: Pipeline) -> NodeId:
         """Add a stage of one bag: of a recording, or of an empty scene."""
         node_id = NodeId(stage.name, bag.name, pipeline.file.variant)
         if self._is_drawn(node_id, pipeline):
@@ -181,8 +177,8 @@ class _Drawing:
         if self._is_drawn(node_id, pipeline):
             return node_id
         topics_file = source.topics_file if source.row is None else source.row.topics_file
-        labels = source.labels if source.row is None else _values(source.row)
-        bag = _Bag(source.source, source.path, topics_file, labels, _path(source.partition))
+        labels = source.labels if source.row is None else values_of(source.row)
+        bag = Bag(source.source, source.path, topics_file, labels, path_of(source.partition))
         inputs = {} if source.path is None else self._add_feeders(stage, bag, source, pipeline)
         return self._put(
             Node(
@@ -198,7 +194,7 @@ class _Drawing:
             pipeline,
         )
 
-    def _add_feeders(self, stage: Stage, bag: _Bag, source: BackgroundSource, pipeline: Pipeline) -> dict[str, NodeId]:
+    def _add_feeders(self, stage: Stage, bag: Bag, source: BackgroundSource, pipeline: Pipeline) -> dict[str, NodeId]:
         """Add what feeds a stage of a bag, or of a camera position, and return it by table.
 
         A table that it can do without, and that cannot be had, is left out.
@@ -273,41 +269,3 @@ def _params_of_position(stage: Stage, source: BackgroundSource, pipeline: Pipeli
             found=f"{', '.join(of_bags)}, of the whole bag",
         )
     return stage.params.model_validate({**params.model_dump(), **known}) if known else params
-
-
-@dataclass(frozen=True, slots=True)
-class _Bag:
-    """A bag that nodes read, and whose rows their tables hold."""
-
-    name: str
-    path: Path | None
-    topics_file: int
-    labels: LabelValues
-    partition: str
-    made_labels: dict[tuple[str, ...], tuple[Label, ...]] = field(default_factory=dict)
-
-    def labels_for(self, stage: Stage) -> tuple[Label, ...]:
-        """Return the labels of a result; those that stages share are made once."""
-        if stage.about not in self.made_labels:
-            self.made_labels[stage.about] = _labels(stage, self.labels)
-        return self.made_labels[stage.about]
-
-    def sources(self, stage: Stage) -> dict[str, Path]:
-        return {name: self.path for name in stage.arguments if name in stage.sources and self.path is not None}
-
-
-def _values(row: CatalogRow) -> LabelValues:
-    """Return what a row says for any stage's identity columns."""
-    return {**row.labels, **{name: getattr(row, name) for name in ABOUT}}
-
-
-def _labels(stage: Stage, values: LabelValues) -> tuple[Label, ...]:
-    """Return the labels of a result; an empty scene has nothing to say about a garment."""
-    return tuple(
-        Label(column, values.get(column.name) if column.name in ABOUT else values[column.name])
-        for column in stage.identity
-    )
-
-
-def _path(partition: Mapping[str, str]) -> str:
-    return "/".join(f"{key}={value}" for key, value in partition.items())
