@@ -69,6 +69,7 @@ def main() -> None:
     # a plan of thousands of recordings makes a million objects that stay: looking for rubbish among them finds none
     gc.set_threshold(200_000, 20, 100)
     warnings.showwarning = show_warning
+    _prepare_only(sys.argv[1:2])
     try:
         app()
     except GarmentError as error:
@@ -80,3 +81,13 @@ def main() -> None:
         # whatever was being done, it is the disk or the permissions that a person has to look at
         say(f"garment: {error.filename}: {error.strerror}")
         sys.exit(1)
+
+
+def _prepare_only(words: list[str]) -> None:
+    """Leave out all verbs but the one that is asked for: Typer would take the signatures of all apart first.
+
+    The group ``new`` stays, as it is what makes Typer expect a verb.
+    """
+    asked = [command for command in app.registered_commands if command.name in words]
+    if asked:
+        app.registered_commands = asked

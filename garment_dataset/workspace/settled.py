@@ -15,19 +15,19 @@ import json
 import os
 import sys
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from stat import S_ISDIR
 from typing import TYPE_CHECKING
 
 from garment_dataset.engine.canonical import digest
-from garment_dataset.engine.loading import HOMES
 from garment_dataset.layout import SETTINGS
-from garment_dataset.workspace.known_stages import PACKAGE
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
 
     from garment_dataset.layout import Layout
 
+_PACKAGE = Path(__file__).parents[1]
 _FILE = "settled.json"
 _TAG = "settled/1"
 _YOUNG_NS = 2_000_000_000
@@ -100,12 +100,13 @@ def remember(layout: Layout, settled: Settled, code: Iterable[str], began_ns: in
 def _stamps(layout: Layout, code: Iterable[str], youngest_ns: int | None = None) -> Iterator[str]:
     """Yield digests of the states of all that a plan rests on: of what is few, or often changed, first."""
     states = _States(youngest_ns)
-    places = [folder for folder in sys.path if folder not in HOMES]  # stages of one's own have their folder put there
+    # stages of one's own have their folder put there when they are imported
+    places = [folder for folder in sys.path if folder != str(layout.stages_dir)]
     states.add_text(f"{sys.version}\n{places}\n{layout.root}")
     private = layout.private_dir
     for path in (layout.root / SETTINGS, private / "index.sqlite", *code):
         states.add(str(path))
-    for folder in (layout.catalog_dir, layout.pipelines_dir, layout.stages_dir, PACKAGE):
+    for folder in (layout.catalog_dir, layout.pipelines_dir, layout.stages_dir, _PACKAGE):
         states.add_below(str(folder))
     for place in places:
         states.add_installed(place or ".")
