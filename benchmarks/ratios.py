@@ -7,7 +7,11 @@ A script of this folder that has a function ``ratios`` takes part: it measures a
 from __future__ import annotations
 
 import importlib
+import os
+import statistics
+import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import NamedTuple
 
@@ -32,6 +36,36 @@ class Ratio(NamedTuple):
     measured: float
     target: float
     committed: float
+
+
+class Cost(NamedTuple):
+    """What a process took: wall time and processor time with those of its children, s; memory, MiB."""
+
+    wall_s: float
+    cpu_s: float
+    peak_mib: float
+
+
+def median(costs: list[Cost]) -> Cost:
+    """Return the median of each."""
+    return Cost(*(statistics.median(values) for values in zip(*costs, strict=True)))
+
+
+def timed(command: list[str], folder: Path) -> Cost:
+    """Run a process to its end, and return what it took."""
+    started = time.perf_counter()
+    with subprocess.Popen(
+        command, cwd=folder, env=environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+    ) as process:
+        _, status, usage = os.wait4(process.pid, 0)
+        process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0, command
+    return Cost(time.perf_counter() - started, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
+
+
+def environment() -> dict[str, str]:
+    """Return an environment in which this checkout is what is imported."""
+    return {**os.environ, "PYTHONPATH": str(HERE.parent)}
 
 
 def main() -> int:

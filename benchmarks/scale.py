@@ -8,19 +8,16 @@ has thousands of tiny recordings and three trivial stages.
 from __future__ import annotations
 
 import argparse
-import os
-import statistics
-import subprocess
 import sys
 import tempfile
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
 
-from benchmarks.ratios import Ratio
-from benchmarks.start_up import BARE, GARMENT, environment
+from benchmarks.ratios import Cost, Ratio, median, timed
+from benchmarks.start_up import BARE, GARMENT
 from garment_dataset.workspace import Workspace
 
 if TYPE_CHECKING:
@@ -52,14 +49,6 @@ def {name}({argument}, params: Params):
 
 STAGE = Stage({name}, params=Params, outputs=(TABLE,))
 """
-
-
-class Cost(NamedTuple):
-    """What a process took: wall time and processor time with those of its children, s; memory, MiB."""
-
-    wall_s: float
-    cpu_s: float
-    peak_mib: float
 
 
 def main() -> None:
@@ -102,11 +91,6 @@ def ratios() -> Iterator[Ratio]:
     yield Ratio("cold result, 100 of them / bare command", 100 * cold / bare_s, 3.3, 3.3)
 
 
-def median(costs: list[Cost]) -> Cost:
-    """Return the median of each."""
-    return Cost(*(statistics.median(values) for values in zip(*costs, strict=True)))
-
-
 def measure(recordings: int, rounds: int = ROUNDS) -> dict[str, list[Cost]]:
     """Build a workspace, then time what a person does with it, each command beside a bare one."""
     with tempfile.TemporaryDirectory() as folder:
@@ -137,18 +121,6 @@ def measure(recordings: int, rounds: int = ROUNDS) -> dict[str, list[Cost]]:
 def garment(*arguments: str) -> list[str]:
     """Return the command line of a verb."""
     return [sys.executable, "-c", GARMENT, *arguments]
-
-
-def timed(command: list[str], folder: Path) -> Cost:
-    """Run a process to its end, and return what it took."""
-    started = time.perf_counter()
-    with subprocess.Popen(
-        command, cwd=folder, env=environment(), stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    ) as process:
-        _, status, usage = os.wait4(process.pid, 0)
-        process.returncode = os.waitstatus_to_exitcode(status)
-    assert process.returncode == 0, command
-    return Cost(time.perf_counter() - started, usage.ru_utime + usage.ru_stime, usage.ru_maxrss / 1024)
 
 
 def write_workspace(root: Path, recordings: int) -> list[Path]:
