@@ -24,6 +24,7 @@ from garment_dataset.simulate.physics import import_mujoco, simulate_cloth
 from garment_dataset.simulate.render import Fabric, Stage, as_millimetres
 from garment_dataset.simulate.sensor import DepthSensor
 from garment_dataset.simulate.sensor_color import ColorSensor, as_bytes, soften
+from garment_dataset.simulate.sheet import thickness_m
 from garment_dataset.simulate.timing import frame_times, start_ns
 from garment_dataset.simulate.truth import GarmentView
 
@@ -195,7 +196,8 @@ class _Making:
         )
         view = GarmentView(mesh, trajectory, swing, scale.levels, self._pose, hem)
         ruler = _ruler(spec, holding, hanging)
-        stage = Stage(swing, fabric, view.triangles, view.material_m, ruler, self._pose, self._nuisance.color)
+        looks = (ruler, self._pose, self._nuisance.color, thickness_m(spec))
+        stage = Stage(swing, fabric, view.triangles, view.material_m, *looks)
         rows: list[dict[str, Any]] = []
 
         def depth(index: int) -> NDArray[np.uint16]:

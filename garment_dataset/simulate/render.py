@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,15 +10,29 @@ import numpy as np
 from garment_dataset.simulate import scene
 from garment_dataset.simulate.camera_pose import LEVEL, CameraPose
 from garment_dataset.simulate.nuisance_color import USUAL_COLOR, ColorNuisance
-from garment_dataset.simulate.raster import Buffer, Pinhole, draw, interpolate
+from garment_dataset.simulate.raster import HEIGHT_PX, WIDTH_PX, Buffer, Pinhole, draw, interpolate
 from garment_dataset.simulate.shadows import light_on_wall, uneven
+from garment_dataset.simulate.sheet import facing, shell_m, shell_triangles
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
+
     from numpy.typing import NDArray
 
     from garment_dataset.simulate.motion import Swing
 
+    _Body = tuple[NDArray[np.float64], NDArray[np.float64]]
+
 _FABRIC_PITCH_M = 0.0022
+
+SAMPLES = ((0.0, 0.0), (-0.4, -0.2), (-0.2, 0.4), (0.2, -0.4), (0.4, 0.2))
+"""Where a pixel is looked at, u and v from its centre: five columns and five rows, so that thin upright or level parts
+count by their width. As they are odd in number, more than half of them is half of the pixel without a bias."""
+
+_SAMPLE_CAMERAS = tuple(
+    replace(scene.COLOR_CAMERA, cx_px=scene.COLOR_CAMERA.cx_px - u, cy_px=scene.COLOR_CAMERA.cy_px - v)
+    for u, v in SAMPLES
+)
 
 
 @dataclass(frozen=True)
@@ -67,7 +81,7 @@ class ColorFrame:
     pixels : ndarray of float32, shape (H, W, 3)
         Red, green, blue, 0 to 255.
     garment, gripper : ndarray of bool, shape (H, W)
-        Pixels that show the garment; the gripper, the arm or the ruler.
+        Pixels of which at least half show the garment; the gripper, the arm or the ruler.
     """
 
     pixels: NDArray[np.float32]
@@ -77,6 +91,8 @@ class ColorFrame:
 
 class Stage:
     """The scene of one recording, to be seen at any time.
+
+    A pixel of a colour image is the mean over :data:`SAMPLES` within it; the garment's colour is taken at one of them.
 
     Parameters
     ----------
@@ -94,6 +110,8 @@ class Stage:
         How the cameras look at it.
     nuisance : ColorNuisance
         What is unusual about room and light.
+    thick_m : float
+        How thick the garment is in colour images; depth images show a sheet without thickness.
     """
 
     def __init__(
@@ -105,20 +123,25 @@ class Stage:
         ruler: scene.Solid | None = None,
         pose: CameraPose = LEVEL,
         nuisance: ColorNuisance = USUAL_COLOR,
+        thick_m: float = 0.002,
     ) -> None:
         self._lamps = nuisance.lamps
         self._swing, self._fabric, self._pose = swing, fabric, pose
-        self._triangles, self._material_m = triangles, material_m
+        self._triangles, self._thick_m = triangles, thick_m
+        if triangles is not None and material_m is not None:
+            self._shell, self._material_m = shell_triangles(triangles, len(material_m)), material_m
         self._gripper = scene.gripper() if ruler is None else scene.merge(scene.gripper(), ruler)
         level = scene.background()
         room = pose.see_solid(level)
         self._room_depth = _draw_solid(Buffer.empty(), room, scene.DEPTH_CAMERA)
-        self._room_color = _draw_solid(Buffer.empty(), room, scene.COLOR_CAMERA)
-        self._room_pixels = room.shaded().astype(np.float32)[self._room_color.triangle]
+        self._rooms = [_draw_solid(Buffer.empty(), room, camera) for camera in _SAMPLE_CAMERAS]
         middle_m = level.vertices_m[level.triangles].mean(axis=1)[:, 2]
-        self._on_wall = np.isclose(middle_m, scene.WALL_M)[self._room_color.triangle]
+        on_wall = np.isclose(middle_m, scene.WALL_M)
+        shaded = room.shaded()
+        self._wall_pixels = _room_share(self._rooms, shaded * on_wall[:, None])
+        self._other_pixels = _room_share(self._rooms, shaded * ~on_wall[:, None])
         if nuisance.wall is not None:
-            self._room_pixels[self._on_wall] *= uneven(nuisance.wall)[self._on_wall]
+            self._wall_pixels *= uneven(nuisance.wall)
 
     def gripper_at(self, time_s: float) -> scene.Solid | None:
         """Return gripper and arm as the cameras see them at `time_s`."""
@@ -148,38 +171,74 @@ class Stage:
 
     def color(self, time_s: float, cloth_m: NDArray[np.float64] | None) -> ColorFrame:
         """Return the colour image with its masks; arguments as for :meth:`depth_m`."""
-        pixels = self._room_pixels.copy()
-        garment = np.zeros(pixels.shape[:2], dtype=np.bool_)
-        gripper = np.zeros_like(garment)
-        buffer = self._room_color
         solid = self.gripper_at(time_s)
+        pixels = self._wall_pixels.copy()
         if self._lamps is not None and solid is not None:
             casting = [(self._pose.level(solid.vertices_m), solid.triangles)]
             if cloth_m is not None and self._triangles is not None:
                 casting.append((self._pose.level(cloth_m), self._triangles))
-            pixels[self._on_wall] *= light_on_wall(self._lamps, casting, self._pose)[self._on_wall]
-        if solid is not None:
-            buffer = _draw_solid(buffer.under(), solid, scene.COLOR_CAMERA)
-            gripper = buffer.triangle >= 0
-            pixels[gripper] = solid.shaded()[buffer.triangle[gripper]]
-        if cloth_m is not None and self._triangles is not None:
-            buffer = buffer.under()
-            self._paint(buffer, cloth_m, pixels)
-            garment = buffer.triangle >= 0
-            gripper &= ~garment
-        return ColorFrame(pixels, garment, gripper)
+            pixels *= light_on_wall(self._lamps, casting, self._pose)
+        pixels += self._other_pixels
+        before = _Foreground()
+        body = None if cloth_m is None or self._triangles is None else self._body(cloth_m, self._triangles)
+        for room, camera in zip(self._rooms, _SAMPLE_CAMERAS, strict=True):
+            buffer = room
+            if solid is not None:
+                buffer = _draw_solid(buffer.under(), solid, camera)
+            front = None if body is None else self._draw_garment(buffer.under(), body, camera, before)
+            if solid is not None:
+                before.add_gripper(buffer, front, solid)
+        return before.over(pixels)
 
-    def _paint(self, buffer: Buffer, cloth_m: NDArray[np.float64], pixels: NDArray[np.float32]) -> None:
-        assert self._triangles is not None
-        assert self._material_m is not None
+    def _body(self, cloth_m: NDArray[np.float64], triangles: NDArray[np.intp]) -> _Body:
+        """Return the garment as a body, and what its colours follow from: material coordinates and normals."""
+        normal = vertex_normals(cloth_m, triangles)
+        values = np.tile(np.column_stack([self._material_m, normal]), (2, 1))
+        return shell_m(cloth_m, normal, self._thick_m), values
+
+    def _draw_garment(self, buffer: Buffer, body: _Body, camera: Pinhole, before: _Foreground) -> Buffer:
+        """Draw the garment as one sample sees it; its colour where no sample before showed it."""
         assert self._fabric is not None
-        image = scene.COLOR_CAMERA.project(cloth_m)
-        draw(buffer, image, self._triangles)
-        normal = vertex_normals(cloth_m, self._triangles)
-        values = np.column_stack([self._material_m, normal])
-        row, column, seen = interpolate(buffer, image, self._triangles, values)
+        image = camera.project(body[0])
+        triangles = self._shell[facing(image, self._shell)]
+        draw(buffer, image, triangles)
+        fresh = Buffer(buffer.inverse_depth, np.where(before.garment_count > 0, -1, buffer.triangle))
+        row, column, seen = interpolate(fresh, image, triangles, body[1])
         across = seen[:, 2:] / np.maximum(np.linalg.norm(seen[:, 2:], axis=1, keepdims=True), 1e-9)
-        pixels[row, column] = self._fabric.at(seen[:, :2]) * scene.brightness(across)[:, None]
+        before.garment[row, column] = self._fabric.at(seen[:, :2]) * scene.brightness(across)[:, None]
+        before.garment_count += buffer.triangle >= 0
+        return buffer
+
+
+class _Foreground:
+    """What is before the room, by sample."""
+
+    def __init__(self) -> None:
+        shape = (HEIGHT_PX, WIDTH_PX)
+        self.garment, self._gripper = (np.zeros((*shape, 3), np.float32) for _ in range(2))
+        self.garment_count, self._gripper_count = (np.zeros(shape, np.uint8) for _ in range(2))
+
+    def add_gripper(self, buffer: Buffer, front: Buffer | None, solid: scene.Solid) -> None:
+        """Add what one sample shows of the gripper, where no garment is in front of it."""
+        seen = buffer.triangle >= 0
+        if front is not None:
+            seen &= front.triangle < 0
+        self._gripper[seen] += solid.shaded()[buffer.triangle[seen]]
+        self._gripper_count += seen
+
+    def over(self, pixels: NDArray[np.float32]) -> ColorFrame:
+        """Return the image of it all before a room's `pixels`."""
+        samples = len(SAMPLES)
+        free = samples - self._gripper_count - self.garment_count
+        mixed = pixels * free[..., None] + self._gripper + self.garment * self.garment_count[..., None]
+        mixed /= samples
+        return ColorFrame(mixed, self.garment_count * 2 > samples, self._gripper_count * 2 > samples)
+
+
+def _room_share(rooms: Sequence[Buffer], colors: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return the mean over the samples of the triangles' colours, (H, W, 3)."""
+    table = colors.astype(np.float32)
+    return np.asarray(sum(table[room.triangle] for room in rooms) / np.float32(len(rooms)), np.float32)
 
 
 def vertex_normals(vertices_m: NDArray[np.float64], triangles: NDArray[np.intp]) -> NDArray[np.float64]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import cv2
 import numpy as np
 import pytest
 
@@ -55,7 +56,8 @@ def test_arm_and_gripper_cast_shadows_on_the_wall_alone() -> None:
     before, after = usual.color(0.0, None), lit.color(0.0, None)
     darker = np.asarray((after.pixels < before.pixels - 1).any(axis=2))
     assert darker.any()
-    assert not darker[before.gripper].any()
+    within = cv2.erode(before.gripper.astype(np.uint8), np.ones((3, 3)))  # at its edges the wall mixes in
+    assert not darker[within > 0].any()
 
 
 def test_an_uneven_wall_is_as_bright_as_an_even_one_on_average() -> None:
