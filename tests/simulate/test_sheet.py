@@ -23,8 +23,8 @@ def sheet_m(wide_m: float, high_m: float, yaw_rad: float = 0.0, roll_rad: float 
     ends = np.array([[x, y, 0.0] for y in (-high_m / 2, high_m / 2) for x in (-wide_m / 2, wide_m / 2)])
     about_y = [[np.cos(yaw_rad), 0, np.sin(yaw_rad)], [0, 1, 0], [-np.sin(yaw_rad), 0, np.cos(yaw_rad)]]
     about_z = [[np.cos(roll_rad), -np.sin(roll_rad), 0], [np.sin(roll_rad), np.cos(roll_rad), 0], [0, 0, 1]]
-    turned: np.ndarray = ends @ np.array(about_y).T @ np.array(about_z).T
-    return turned + np.array([scene.COLOR_CAMERA.origin_m[0], 0.0, DISTANCE_M])
+    turned = ends @ np.array(about_y).T @ np.array(about_z).T
+    return np.asarray(turned + np.array([scene.COLOR_CAMERA.origin_m[0], 0.0, DISTANCE_M]))
 
 
 def seen(corners_m: np.ndarray) -> ColorFrame:
