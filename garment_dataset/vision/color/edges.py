@@ -24,11 +24,14 @@ _DISC: ByteMask = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5)).astype(np
 # with more layers blur matters less and texture more.
 _PEELING = (_CROSS, _SQUARE, _CROSS, _SQUARE)  # layers above the core
 _MIN_CONTRAST = 8.0  # grey levels, all channels together; with less, noise would decide
+_SURE_CONTRAST = 24.0  # likewise, further out
 _FINE = 64  # parts of a grey level, for distances of colours; sums of integers depend on no order
 _WHOLE = 16384  # a pixel that is all garment, for the same reason
 
 
-def refine_edges(frame: ColorImage, mean: FloatArray, mask: ByteMask, drift: FloatArray) -> ByteMask:
+def refine_edges(
+    frame: ColorImage, mean: FloatArray, mask: ByteMask, drift: FloatArray, also: ByteMask | None = None
+) -> ByteMask:
     """Decide the pixels near the edges of a mask by half contrast.
 
     A pixel is garment when its colour is further from the background's than half of what the garment's is nearby. The
@@ -47,6 +50,8 @@ def refine_edges(frame: ColorImage, mean: FloatArray, mask: ByteMask, drift: Flo
         Coarse mask, 0 or 1.
     drift : (3,) float64
         Change of brightness against the background, in grey levels.
+    also : (H, W) uint8, optional
+        Where else to look besides 2 pixels around the mask, 0 or 1: for what clearly differs from the background.
 
     Returns
     -------
@@ -60,13 +65,16 @@ def refine_edges(frame: ColorImage, mean: FloatArray, mask: ByteMask, drift: Flo
         return refined
     core = _core(coarse)
     rim = core - np.asarray(cv2.erode(core, square(5)), np.uint8)
-    around = np.asarray(cv2.dilate(coarse, _DISC), np.uint8) - core
+    near = np.asarray(cv2.dilate(coarse, _DISC), np.uint8)
+    further = np.zeros_like(near) if also is None else np.asarray(also[box] & ~near, np.uint8)
+    around = (near | further) - core
     band = np.flatnonzero(around.view(np.bool_))
     used = np.flatnonzero((around | rim).view(np.bool_))
     distance = np.zeros(coarse.shape, np.uint16)
     distance.ravel()[used] = _color_distance(frame, mean, drift, _whole(used, box, mask.shape[1]))
     contrast = _contrast(distance, core, rim, band)
-    clear = contrast >= _MIN_CONTRAST * _FINE
+    beyond = np.take(further.ravel(), band).astype(np.bool_)
+    clear = contrast >= np.where(beyond, _SURE_CONTRAST, _MIN_CONTRAST) * _FINE
     band = band[clear]
     shares = coarse.astype(np.uint16) * np.uint16(_WHOLE)
     share = np.minimum(np.take(distance, band) / contrast[clear], 1.5)

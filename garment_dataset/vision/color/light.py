@@ -142,7 +142,7 @@ class LightFinder:
         )
         assert small_cut is not None
         garment = garment_in(seen, small_cut, small_near)
-        wall = np.asarray(seen.like & (cv2.dilate(garment, square(_AWAY_PX)) == 0)).view(np.uint8)
+        wall = np.asarray(seen.like & (cv2.dilate(garment & 3, square(_AWAY_PX)) == 0)).view(np.uint8)
         share = cv2.resize(_spread_out(seen, wall), self._size, interpolation=cv2.INTER_LINEAR)
         return Light(
             self._enlarged(garment),

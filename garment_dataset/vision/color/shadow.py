@@ -46,6 +46,10 @@ _LEAST_STRIPE_PX = (5, 2)  # lower ones are closed in full size
 _STRIPE_PX = 21  # height of a stripe of the wall's very colour, between the garment's own
 _GREY_BINS, _GREY_LIKELY, _LEAST_GREY_PX = 50, 0.02, 8  # of full light; share of the garment
 _OUTLINE_PX = 13
+_LINE_PX = 5  # broader than a line
+_DEEP_DIP, _FAINT_DIP, _DIP_NOISE = 0.15, 0.07, 4.0  # how much less light than beside it a line has
+_EDGE_PX = 3  # how broad a blurred edge is, from where it is surely garment
+_GAP_PX = 21  # how far apart parts of a thin sheet are seen
 
 
 def garment_in(seen: Seen, cut: BoolArray, near: BoolArray | None) -> ByteMask:
@@ -71,7 +75,9 @@ def garment_in(seen: Seen, cut: BoolArray, near: BoolArray | None) -> ByteMask:
         garment = sorting.garment | sorting.seams()
     else:
         garment = sorting.own | _hanging(_opened(sorting.edges()), near)
-    return _filled(_bytes(garment), seen)
+    filled = _filled(_bytes(garment), seen)
+    edges = _around(filled, sorting.wall | cut) & (filled == 0)
+    return np.asarray(filled + 4 * _bytes(edges), np.uint8)
 
 
 def _bytes(mask: NDArray[Any]) -> ByteMask:
@@ -82,14 +88,35 @@ def _opened(mask: BoolArray) -> ByteMask:
     return _bytes(cv2.morphologyEx(_bytes(mask), cv2.MORPH_OPEN, square(2)))
 
 
+def _around(garment: ByteMask, other: BoolArray) -> BoolArray:
+    """Mark where the garment may go on: its blurred edges, and gaps of thin parts, as far as they are nothing else."""
+    pad = _GAP_PX
+    ellipse = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_GAP_PX, _GAP_PX))
+    there = np.minimum(garment, np.uint8(1))
+    closed = cv2.morphologyEx(np.pad(there, pad), cv2.MORPH_CLOSE, ellipse)[pad:-pad, pad:-pad]
+    grown = cv2.dilate(there, square(2 * _EDGE_PX + 1))
+    return np.asarray((closed | grown).astype(np.bool_) & ~other)
+
+
 def _own(seen: Seen, cut: BoolArray, near: BoolArray | None) -> BoolArray:
     """Mark what no shadow explains and hangs from the gripper, be it by fields of a pattern that one explains."""
-    other = _bytes(~seen.like & ~cut)
+    other = _bytes((~seen.like | _lines(seen)) & ~cut)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(other, connectivity=8)
     stats[0, cv2.CC_STAT_AREA] = 0
     other = _bytes((stats[:, cv2.CC_STAT_AREA] >= _SPECK_PX)[labels])
     ellipse = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_BRIDGE_PX, _BRIDGE_PX))
     return _hanging(other, near, _bytes(cv2.dilate(other, ellipse)))
+
+
+def _lines(seen: Seen) -> BoolArray:
+    """Mark dark lines, finer than the shadow of anything in a lit room: a sheet edge-on before the wall."""
+    dip = cv2.morphologyEx(seen.share, cv2.MORPH_BLACKHAT, square(_LINE_PX))
+    faint = _bytes(dip > max(_FAINT_DIP, _DIP_NOISE * seen.noise / float(np.median(seen.level))))
+    count, labels = cv2.connectedComponents(faint, connectivity=8)
+    deep = np.zeros(count, np.bool_)
+    deep[labels[dip > _DEEP_DIP]] = True
+    deep[0] = False
+    return np.asarray(deep[labels])
 
 
 def _hanging(mask: ByteMask, near: BoolArray | None, linked: ByteMask | None = None) -> BoolArray:

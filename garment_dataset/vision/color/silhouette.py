@@ -206,11 +206,12 @@ class BackgroundSubtractor:
         if gripper is not None:
             cut |= gripper
         mask = np.zeros(frame.shape[:2], np.uint8)
-        if not light.garment.any():
+        if not (light.garment & 3).any():
             other = cv2.erode((~light.wall_like & ~cut).view(np.uint8), square(_ELSEWHERE_PX))
             return Silhouette(mask.view(np.bool_), is_elsewhere=near is not None and bool(other.any()))
         box = bounding_box(light.garment, _MARGIN_PX)
-        garment, between = np.minimum(light.garment[box], np.uint8(1)), light.garment[box] >> np.uint8(1)
+        garment, between = np.minimum(light.garment[box] & 3, np.uint8(1)), light.garment[box] >> np.uint8(1) & 1
+        edges = light.garment[box] >> np.uint8(2)
         expected = self._mean[box] * gain * light.share[box][..., np.newaxis]
         shift = np.rint(expected - self._mean[box]).astype(np.int16)
         opened, closed = self._sides_px
@@ -218,7 +219,7 @@ class BackgroundSubtractor:
         core = np.asarray(cv2.erode(garment, square(_CORE_PX), borderType=cv2.BORDER_CONSTANT, borderValue=0), np.uint8)
         coarse = np.asarray(open_close((differs & garment) | core | between, 1, closed) & garment, np.uint8)
         if self._edge == "half_contrast":
-            coarse = refine_edges(np.ascontiguousarray(frame[box]), expected, coarse, np.zeros(3))
+            coarse = refine_edges(np.ascontiguousarray(frame[box]), expected, coarse, np.zeros(3), edges)
         coarse[cut[box]] = 0
         mask[box] = largest_component(coarse, None if near is None else near[box])
         found = mask.view(np.bool_)
