@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import warnings
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal
 
 from pydantic import Field, model_validator
 
-from garment_dataset.engine.table import Column, TableSpec
 from garment_dataset.errors import BagError, DataWarning
 from garment_dataset.stages.background import background_model
-from garment_dataset.stages.columns import FRAME, STAMP
 from garment_dataset.stages.inputs import known_grippers_m, require_images, usable_images, usable_stamps_ns
+from garment_dataset.stages.silhouette_table import SILHOUETTES
 from garment_dataset.stages.stage import Stage, StageParams
 
 if TYPE_CHECKING:
@@ -26,54 +24,10 @@ if TYPE_CHECKING:
 
     from garment_dataset.arrays import BoolArray
     from garment_dataset.vision.color.background import Background
+    from garment_dataset.vision.color.bar import Held
     from garment_dataset.vision.color.silhouette import BackgroundSubtractor
 
     Row = dict[str, Any]
-
-Reason = Literal["no_gripper", "image_size", "no_garment", "not_at_gripper"]
-"""Why a frame has no mask.
-
-``no_gripper``: its end point is not known at this frame, so that the arm could not be told from the garment.
-``image_size``: the image is not of the background's size. ``no_garment``: nothing differs from the background, or
-nothing as large as ``open_px`` and ``min_area_px2`` ask. ``not_at_gripper``: what differs does not come within
-``near_m`` of the gripper's end point, so that it hangs from something else.
-"""
-
-
-SILHOUETTES = TableSpec(
-    "silhouettes",
-    3,
-    "one usable colour frame",
-    (
-        FRAME,
-        STAMP,
-        Column("mask", "binary", "", "PNG of one bit per pixel, of the size of the image: white is garment", True),
-        Column("area_px2", "int32", "px2", "number of pixels of the mask", nullable=True),
-        Column("centroid_u_px", "float64", "px", "mean u of the mask; the centre of the first pixel is 0", True),
-        Column("centroid_v_px", "float64", "px", "mean v of the mask; the centre of the first pixel is 0", True),
-        Column("major_px", "float64", "px", "length of the major axis, as MATLAB's regionprops", nullable=True),
-        Column("minor_px", "float64", "px", "length of the minor axis, as MATLAB's regionprops", nullable=True),
-        Column("orientation_rad", "float64", "rad", "of the major axis, counter-clockwise from the u axis", True),
-        Column("box_u_px", "int32", "px", "first column of the mask", nullable=True),
-        Column("box_v_px", "int32", "px", "first row of the mask", nullable=True),
-        Column("box_width_px", "int32", "px", "number of columns from the first to the last of the mask", True),
-        Column("box_height_px", "int32", "px", "number of rows from the first to the last of the mask", True),
-        Column("outline_u_px", "list<int32>", "px", "u of the outer border's pixels, counter-clockwise", True),
-        Column("outline_v_px", "list<int32>", "px", "v of the same pixels", nullable=True),
-        Column("gripper_u_px", "float64", "px", "u of the gripper's end point in the image", nullable=True),
-        Column("gripper_v_px", "float64", "px", "v of the gripper's end point in the image", nullable=True),
-        *(
-            Column(
-                f"drift_{channel}", "float64", "level", f"change of a pixel of median brightness, {name}", nullable=True
-            )
-            for channel, name in (("r", "red"), ("g", "green"), ("b", "blue"))
-        ),
-        Column("confidence", "float64", "1", "share of the mask that no shadow on the wall explains", nullable=True),
-        Column("reason", "string", "", "why there is no mask; null when there is one", nullable=True),
-    ),
-    keys=("frame",),
-)
-"""``decode_mask(row.mask)`` of :mod:`garment_dataset.vision.color.masks` is the mask, (H, W) bool."""
 
 
 class SilhouetteParams(StageParams):
@@ -118,7 +72,10 @@ class SilhouetteParams(StageParams):
     gripper_radius_m: float = Field(
         default=0.01, ge=0, description="radius around the gripper's end point that is removed with it"
     )
-
+    remove_ruler: bool = Field(
+        default=True,
+        description="with remove_gripper and shadows: remove the bar of another colour that the garment hangs on",
+    )
     near_m: float = Field(
         default=0.15,
         ge=0,
@@ -132,15 +89,6 @@ class SilhouetteParams(StageParams):
         if 0 < len(self.clip_polygon) < 3:
             raise ValueError("clip_polygon must have at least three corners")
         return self
-
-
-@dataclass(frozen=True, slots=True)
-class _Gripper:
-    """The end point in the image, and how many pixels a metre is there."""
-
-    u_px: float
-    v_px: float
-    px_per_m: float
 
 
 def silhouette(
@@ -254,7 +202,7 @@ def _measure(
     pixels: NDArray[np.uint8],
     model: Background,
     subtractor: BackgroundSubtractor,
-    held: _Gripper | None,
+    held: Held | None,
     params: SilhouetteParams,
 ) -> Row:
     """Return what one frame shows, or why it shows nothing."""
@@ -277,16 +225,17 @@ def _measure(
         top_v_px=None if held is None else held.v_px,
         gripper=_disc(held, params.gripper_radius_m, shape),
         near=_disc(held, params.near_m, shape),
+        held=held if params.remove_ruler else None,
     )
     if found.is_elsewhere:
         return {**row, "reason": "not_at_gripper"}
     described = describe_mask(found.mask)
     if described.get("area_px2", 0) < params.min_area_px2:
         return {**row, "reason": "no_garment"}
-    return {**row, **described, "confidence": found.confidence}
+    return {**row, **described, "confidence": found.confidence, "doubt": found.doubt}
 
 
-def _disc(held: _Gripper | None, radius_m: float, shape: tuple[int, int]) -> BoolArray | None:
+def _disc(held: Held | None, radius_m: float, shape: tuple[int, int]) -> BoolArray | None:
     """Return what is within a radius of the gripper's end point; None without gripper or radius."""
     from garment_dataset.vision.color.masks import disc_mask
 
@@ -328,17 +277,19 @@ def describe_mask(mask: NDArray[np.bool_]) -> Row:
     }
 
 
-def _grippers(bag: Path, camera: pa.Table, gripper: pa.Table) -> Mapping[int, _Gripper]:
+def _grippers(bag: Path, camera: pa.Table, gripper: pa.Table) -> Mapping[int, Held]:
     """Project the end point into every colour frame in which it is known and before the camera: eq. (5.6)."""
+    from garment_dataset.vision.color.bar import Held
+
     k = next((row for row in camera.to_pylist() if row["stream"] == "color"), None)
     if k is None:
         hint = "Calibrate it, or set remove_gripper = false under [params.silhouette]."
         raise BagError("no camera for the colour images, so the gripper cannot be removed", where=bag.name, hint=hint)
-    found: dict[int, _Gripper] = {}
+    found: dict[int, Held] = {}
     for frame, (x, y, z) in known_grippers_m(gripper, "color").items():
         if z > 0:
             u_px, v_px = k["fx_px"] * x / z + k["cx_px"], k["fy_px"] * y / z + k["cy_px"]
-            found[frame] = _Gripper(u_px, v_px, k["fy_px"] / z)
+            found[frame] = Held(u_px, v_px, k["fy_px"] / z)
     return found
 
 

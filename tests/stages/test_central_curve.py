@@ -10,7 +10,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from garment_dataset.stages.central_curve import CENTRAL_CURVES, STAGE, CentralCurveParams, central_curve
-from garment_dataset.stages.silhouette import SILHOUETTES, describe_mask
+from garment_dataset.stages.silhouette import describe_mask
+from garment_dataset.stages.silhouette_table import SILHOUETTES
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -12,7 +12,8 @@ from pydantic import ValidationError
 
 from garment_dataset.errors import BagError, DataWarning
 from garment_dataset.stages.background import BACKGROUND
-from garment_dataset.stages.silhouette import SILHOUETTES, STAGE, SilhouetteParams, silhouette
+from garment_dataset.stages.silhouette import STAGE, SilhouetteParams, silhouette
+from garment_dataset.stages.silhouette_table import SILHOUETTES
 from garment_dataset.vision.color.masks import decode_mask
 
 if TYPE_CHECKING:

@@ -21,6 +21,7 @@ if TYPE_CHECKING:
 
 _BRIGHTEST = round(1.05 * WHOLE)
 _WINDOWS_PX = (3, 5, 25, 81)  # for what is behind the garment, the nearest wall around; sums stay below 2^24
+_PALE = 0.75  # of the light, that nearly all shadows leave
 _AWAY_PX = 7  # at the garment's edges it mixes in
 
 _STEPS = 2**16  # of a logarithm; sums of integers depend on no order
@@ -97,15 +98,28 @@ class Light:
     ----------
     garment : (H, W) uint8
         1 where the garment is, 2 where it only must be, between its parts; by whole half-size pixels.
+    edges : (H, W) uint8
+        1 where it may go on, likewise.
     share : (H, W) float32
         Of the background's light.
-    wall_like : (H, W) bool
-        Whether a shadow on the wall could be seen.
+    wall_like, pale : (H, W) bool
+        Whether a shadow on the wall could be seen; whether a shallow one could.
+    by_edges_alone : bool
+        Whether all of the garment could be a shadow.
+    doubtful_px : int
+        Pixels beside it that were taken for a shadow with sharp edges, but could be cloth.
+    noise : float
+        Standard deviation of brightness in half size, in grey levels.
     """
 
     garment: ByteMask
+    edges: ByteMask
     share: NDArray[np.float32]
     wall_like: BoolArray
+    pale: BoolArray
+    by_edges_alone: bool
+    doubtful_px: int
+    noise: float
 
 
 class LightFinder:
@@ -141,13 +155,18 @@ class LightFinder:
             None if part is None else part[1 : 2 * rows : 2, 1 : 2 * columns : 2] for part in (cut, near)
         )
         assert small_cut is not None
-        garment = garment_in(seen, small_cut, small_near)
-        wall = np.asarray(seen.like & (cv2.dilate(garment & 3, square(_AWAY_PX)) == 0)).view(np.uint8)
+        garment, edges, by_edges_alone, doubtful_px = garment_in(seen, small_cut, small_near)
+        wall = np.asarray(seen.like & (cv2.dilate(garment, square(_AWAY_PX)) == 0)).view(np.uint8)
         share = cv2.resize(_spread_out(seen, wall), self._size, interpolation=cv2.INTER_LINEAR)
         return Light(
             self._enlarged(garment),
+            self._enlarged(edges.view(np.uint8)),
             np.asarray(share, np.float32),
             self._enlarged(seen.like.view(np.uint8)).view(np.bool_),
+            self._enlarged((seen.like & (seen.share > _PALE)).view(np.uint8)).view(np.bool_),
+            by_edges_alone,
+            4 * doubtful_px,
+            seen.noise,
         )
 
     def _enlarged(self, mask: ByteMask) -> ByteMask:

@@ -14,7 +14,7 @@ is sorted by surfaces, parts of the picture within which brightness makes no ste
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import cv2
 import numpy as np
@@ -52,7 +52,28 @@ _EDGE_PX = 3  # how broad a blurred edge is, from where it is surely garment
 _GAP_PX = 21  # how far apart parts of a thin sheet are seen
 
 
-def garment_in(seen: Seen, cut: BoolArray, near: BoolArray | None) -> ByteMask:
+class Sorted(NamedTuple):
+    """What is garment, in half size.
+
+    Parameters
+    ----------
+    garment : (h, w) uint8
+        1 where the garment is, 2 where it only must be, between its parts; may be of several parts, and empty.
+    edges : (h, w) bool
+        Where it may go on: its blurred edges, and gaps of thin parts, as far as they are nothing else.
+    by_edges_alone : bool
+        Whether all of it could be a shadow.
+    doubtful_px : int
+        Pixels beside it that were taken for a shadow with sharp edges, but could be cloth.
+    """
+
+    garment: ByteMask
+    edges: BoolArray
+    by_edges_alone: bool
+    doubtful_px: int
+
+
+def garment_in(seen: Seen, cut: BoolArray, near: BoolArray | None) -> Sorted:
     """Mark the garment, in half size.
 
     Parameters
@@ -63,21 +84,27 @@ def garment_in(seen: Seen, cut: BoolArray, near: BoolArray | None) -> ByteMask:
         Where no garment can be: above the gripper, at it, and outside of the clipping mask.
     near : (h, w) bool, optional
         Surroundings of the gripper's end point, where the garment must begin; anywhere by default.
-
-    Returns
-    -------
-    (h, w) uint8
-        1 where the garment is, 2 where it only must be, between its parts; may be of several parts, and empty.
     """
     sorting = _Sorting(seen, cut, _own(seen, cut, near))
-    if np.count_nonzero(sorting.own) >= _LEAST_OWN_PX:
+    has_own = bool(np.count_nonzero(sorting.own) >= _LEAST_OWN_PX)
+    if has_own:
         sorting.sort()
         garment = sorting.garment | sorting.seams()
     else:
         garment = sorting.own | _hanging(_opened(sorting.edges()), near)
     filled = _filled(_bytes(garment), seen)
-    edges = _around(filled, sorting.wall | cut) & (filled == 0)
-    return np.asarray(filled + 4 * _bytes(edges), np.uint8)
+    edges = _around(filled) & ~(sorting.wall | cut | filled.astype(np.bool_))
+    return Sorted(filled, edges, not has_own, sorting.doubtful_px)
+
+
+def _around(garment: ByteMask) -> BoolArray:
+    """Mark what is close to the garment, or between its parts."""
+    pad = _GAP_PX
+    ellipse = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_GAP_PX, _GAP_PX))
+    there = np.minimum(garment, np.uint8(1))
+    closed = cv2.morphologyEx(np.pad(there, pad), cv2.MORPH_CLOSE, ellipse)[pad:-pad, pad:-pad]
+    grown = cv2.dilate(there, square(2 * _EDGE_PX + 1))
+    return np.asarray(np.maximum(closed, grown)).astype(np.bool_)
 
 
 def _bytes(mask: NDArray[Any]) -> ByteMask:
@@ -86,16 +113,6 @@ def _bytes(mask: NDArray[Any]) -> ByteMask:
 
 def _opened(mask: BoolArray) -> ByteMask:
     return _bytes(cv2.morphologyEx(_bytes(mask), cv2.MORPH_OPEN, square(2)))
-
-
-def _around(garment: ByteMask, other: BoolArray) -> BoolArray:
-    """Mark where the garment may go on: its blurred edges, and gaps of thin parts, as far as they are nothing else."""
-    pad = _GAP_PX
-    ellipse = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_GAP_PX, _GAP_PX))
-    there = np.minimum(garment, np.uint8(1))
-    closed = cv2.morphologyEx(np.pad(there, pad), cv2.MORPH_CLOSE, ellipse)[pad:-pad, pad:-pad]
-    grown = cv2.dilate(there, square(2 * _EDGE_PX + 1))
-    return np.asarray((closed | grown).astype(np.bool_) & ~other)
 
 
 def _own(seen: Seen, cut: BoolArray, near: BoolArray | None) -> BoolArray:
@@ -151,6 +168,7 @@ class _Sorting:
     garment: BoolArray = field(init=False)
     wall: BoolArray = field(init=False)
     surfaces: list[_Surface] = field(init=False)
+    doubtful_px: int = 0
 
     def __post_init__(self) -> None:
         self.garment = self.own.copy()
@@ -178,6 +196,7 @@ class _Sorting:
             waiting = left
         for surface in waiting:
             self.wall[surface.box] |= surface.mask
+            self.doubtful_px += int(np.count_nonzero(surface.mask))
 
     def _decide(self, surface: _Surface, grey: BoolArray) -> bool:
         ring = surface.ring & ~self.cut[surface.box]
@@ -192,6 +211,7 @@ class _Sorting:
             is_garment = bool(beside > _SURROUNDED * around) or (from_own < from_wall < np.inf and likely)
             if not is_garment and not (from_wall < np.inf and np.count_nonzero(wall) > 2 * _LEAST_CONTACT * around):
                 return False
+            self.doubtful_px += 0 if is_garment else int(np.count_nonzero(surface.mask))
         (self.garment if is_garment else self.wall)[surface.box] |= surface.mask
         return True
 

@@ -18,6 +18,8 @@ import numpy as np
 
 from garment_dataset.errors import PictureError
 from garment_dataset.vision.color.background import Bounds, DriftEstimator, lattice
+from garment_dataset.vision.color.bar import bar_above
+from garment_dataset.vision.color.confidence import confidence
 from garment_dataset.vision.color.edges import refine_edges
 from garment_dataset.vision.color.light import GainEstimator, LightFinder
 from garment_dataset.vision.color.masks import bounding_box, largest_component, open_close, square
@@ -27,6 +29,9 @@ if TYPE_CHECKING:
 
     from garment_dataset.arrays import BoolArray, ByteMask, ColorImage, FloatArray
     from garment_dataset.vision.color.background import Background
+    from garment_dataset.vision.color.bar import Held
+    from garment_dataset.vision.color.confidence import Doubt
+    from garment_dataset.vision.color.light import Light
     from garment_dataset.vision.color.masks import Box
 
 Edge = Literal["half_contrast", "threshold"]
@@ -46,14 +51,16 @@ class Silhouette:
     mask : (H, W) bool
         One 8-connected region; all False when nothing is found.
     confidence : float or None
-        Share of the mask that no shadow on the wall explains: other hues, brighter, or darker than half. Low for cloth
-        of the wall's hue, which is told from a shadow by its edges alone. None without a mask, or without looking.
+        About the intersection over union to expect: see :func:`.confidence`. None without a mask or ``shadows``.
+    doubt : str or None
+        What lowers it most, where it is low.
     is_elsewhere : bool
         Whether there is no mask because what differs from the background does not come near the gripper.
     """
 
     mask: BoolArray
     confidence: float | None = None
+    doubt: Doubt | None = None
     is_elsewhere: bool = False
 
 
@@ -136,6 +143,7 @@ class BackgroundSubtractor:
         top_v_px: float | None = None,
         gripper: BoolArray | None = None,
         near: BoolArray | None = None,
+        held: Held | None = None,
     ) -> Silhouette:
         """Mark the garment.
 
@@ -151,6 +159,8 @@ class BackgroundSubtractor:
             Pixels of the gripper, to be removed too.
         near : (H, W) bool, optional
             Surroundings of the gripper's end point, where the garment must begin; anywhere by default.
+        held : Held, optional
+            Where a bar that the garment hangs on may be; there is none by default. Looked for with ``shadows`` only.
 
         Returns
         -------
@@ -172,7 +182,7 @@ class BackgroundSubtractor:
             raise ValueError("the drift of this frame is unknown")
         top = 0 if top_v_px is None else min(max(math.ceil(top_v_px), 0), frame.shape[0])
         if self._light is not None:
-            return self._find_lit(frame, 1 + change / self._gain.reference, top, gripper, near)
+            return self._find_lit(frame, 1 + change / self._gain.reference, top, gripper, near, held)
         refined = self._edge == "half_contrast"
         shift = np.rint(change).astype(np.int16)
         mask = np.zeros(frame.shape[:2], np.uint8)
@@ -195,7 +205,13 @@ class BackgroundSubtractor:
         return Silhouette(mask.view(np.bool_), is_elsewhere=not mask.any() and bool(below.any()) and near is not None)
 
     def _find_lit(
-        self, frame: ColorImage, gain: FloatArray, top: int, gripper: BoolArray | None, near: BoolArray | None
+        self,
+        frame: ColorImage,
+        gain: FloatArray,
+        top: int,
+        gripper: BoolArray | None,
+        near: BoolArray | None,
+        held: Held | None,
     ) -> Silhouette:
         """Mark the garment before a background that shadows fall on."""
         assert self._light is not None
@@ -206,26 +222,43 @@ class BackgroundSubtractor:
         if gripper is not None:
             cut |= gripper
         mask = np.zeros(frame.shape[:2], np.uint8)
-        if not (light.garment & 3).any():
+        if not light.garment.any():
             other = cv2.erode((~light.wall_like & ~cut).view(np.uint8), square(_ELSEWHERE_PX))
             return Silhouette(mask.view(np.bool_), is_elsewhere=near is not None and bool(other.any()))
         box = bounding_box(light.garment, _MARGIN_PX)
-        garment, between = np.minimum(light.garment[box] & 3, np.uint8(1)), light.garment[box] >> np.uint8(1) & 1
-        edges = light.garment[box] >> np.uint8(2)
         expected = self._mean[box] * gain * light.share[box][..., np.newaxis]
+        marked = self._within(light, frame, expected, box)
+        marked[cut[box]] = 0
+        mask[box] = largest_component(marked, None if near is None else near[box])
+        if held is not None and (bar := bar_above(frame, self._mean * gain, mask, held)) is not None:
+            mask[bar] = marked[bar[box]] = 0
+            mask = largest_component(mask, near)
+        if not (area_px := np.count_nonzero(mask)):
+            return Silhouette(mask.view(np.bool_), is_elsewhere=near is not None)
+        change = frame[box] - expected
+        distance = np.sqrt(np.einsum("vuc,vuc->vu", change, change))
+        judged = confidence(
+            mask[box],
+            distance,
+            light.pale[box],
+            by_edges_alone=light.by_edges_alone,
+            doubtful_px=light.doubtful_px,
+            lost_px=int(np.count_nonzero(marked)) - int(area_px),
+            noise=light.noise,
+        )
+        return Silhouette(mask.view(np.bool_), *judged)
+
+    def _within(self, light: Light, frame: ColorImage, expected: FloatArray, box: Box) -> ByteMask:
+        """Mark what differs from the wall in its light, within what is garment."""
+        garment, between = np.minimum(light.garment[box], np.uint8(1)), light.garment[box] >> np.uint8(1)
         shift = np.rint(expected - self._mean[box]).astype(np.int16)
         opened, closed = self._sides_px
         differs = np.minimum(open_close(self._bounds[box].outside(frame[box], shift), opened, closed), np.uint8(1))
         core = np.asarray(cv2.erode(garment, square(_CORE_PX), borderType=cv2.BORDER_CONSTANT, borderValue=0), np.uint8)
         coarse = np.asarray(open_close((differs & garment) | core | between, 1, closed) & garment, np.uint8)
-        if self._edge == "half_contrast":
-            coarse = refine_edges(np.ascontiguousarray(frame[box]), expected, coarse, np.zeros(3), edges)
-        coarse[cut[box]] = 0
-        mask[box] = largest_component(coarse, None if near is None else near[box])
-        found = mask.view(np.bool_)
-        if not found.any():
-            return Silhouette(found, is_elsewhere=near is not None)
-        return Silhouette(found, 1 - float(light.wall_like[found].mean()))
+        if self._edge == "threshold":
+            return coarse
+        return refine_edges(np.ascontiguousarray(frame[box]), expected, coarse, np.zeros(3), light.edges[box])
 
     def _search(self, frame: ColorImage, shift: NDArray[np.int16], top: int) -> Box | None:
         """Find a box that holds all that opening leaves at and below row ``top``, or None when that is nothing.
