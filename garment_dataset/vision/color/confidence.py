@@ -74,10 +74,10 @@ def confidence(
         Standard deviation of brightness, in grey levels.
     """
     there = mask.view(np.bool_)
-    area_px = np.count_nonzero(there)
+    area_px = int(np.count_nonzero(there))
     inner = np.asarray(cv2.erode(mask, square(3), borderType=cv2.BORDER_CONSTANT, borderValue=0)).astype(np.bool_)
     contrast = max(float(np.median(distance[inner if inner.any() else there])), noise)
-    edge_share = 1 - np.count_nonzero(inner) / area_px
+    edge_share = 1 - float(np.count_nonzero(inner) / area_px)
     could_be_wall = _LIKE_WALL * float(pale[there].mean()) + _BY_EDGES_ALONE * by_edges_alone
     could_be_cloth = _DOUBTFUL * doubtful_px / (area_px + doubtful_px)
     losses: dict[Doubt, float] = {

@@ -25,6 +25,8 @@ _DISC: ByteMask = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (5, 5)).astype(np
 _PEELING = (_CROSS, _SQUARE, _CROSS, _SQUARE)  # layers above the core
 _MIN_CONTRAST = 8.0  # grey levels, all channels together; with less, noise would decide
 _SURE_CONTRAST = 24.0  # likewise, further out
+_THIN = 3  # layers: too narrow to smooth across
+_PEAK_PX = 7  # along a thin part
 _FINE = 64  # parts of a grey level, for distances of colours; sums of integers depend on no order
 _WHOLE = 16384  # a pixel that is all garment, for the same reason
 
@@ -63,7 +65,7 @@ def refine_edges(
     coarse = np.ascontiguousarray(mask[box])
     if not coarse.any():
         return refined
-    core = _core(coarse)
+    core, depth = _core(coarse)
     rim = core - np.asarray(cv2.erode(core, square(5)), np.uint8)
     near = np.asarray(cv2.dilate(coarse, _DISC), np.uint8)
     further = np.zeros_like(near) if also is None else np.asarray(also[box] & ~near, np.uint8)
@@ -72,7 +74,11 @@ def refine_edges(
     used = np.flatnonzero((around | rim).view(np.bool_))
     distance = np.zeros(coarse.shape, np.uint16)
     distance.ravel()[used] = _color_distance(frame, mean, drift, _whole(used, box, mask.shape[1]))
-    contrast = _contrast(distance, core, rim, band)
+    nearest = _nearest(core, band)
+    contrast = _contrast(distance, rim, nearest)
+    thin = np.take(depth, nearest) <= _THIN
+    peak = np.take(cv2.dilate(distance * rim, square(_PEAK_PX)), nearest)  # blur takes some of a thin part's contrast
+    contrast = np.where(thin, np.maximum(peak, contrast), contrast)
     beyond = np.take(further.ravel(), band).astype(np.bool_)
     clear = contrast >= np.where(beyond, _SURE_CONTRAST, _MIN_CONTRAST) * _FINE
     band = band[clear]
@@ -80,7 +86,8 @@ def refine_edges(
     share = np.minimum(np.take(distance, band) / contrast[clear], 1.5)
     shares.ravel()[band] = np.rint(share * _WHOLE)
     smooth = cv2.GaussianBlur(shares, (3, 3), 0)  # noise is as fine as a pixel, edges are blurred
-    refined.ravel()[_whole(band, box, mask.shape[1])] = np.take(smooth, band) > _WHOLE // 2
+    decisive = np.where(thin[clear], np.take(shares, band), np.take(smooth, band))
+    refined.ravel()[_whole(band, box, mask.shape[1])] = decisive > _WHOLE // 2
     return refined
 
 
@@ -98,20 +105,25 @@ def _color_distance(frame: ColorImage, mean: FloatArray, drift: FloatArray, pixe
     return np.asarray(np.rint(np.sqrt((change * change).sum(axis=0)) * _FINE), np.float64)
 
 
-def _core(mask: ByteMask) -> ByteMask:
-    """Mark the pixels below all layers, and those with no neighbour in a deeper layer than their own."""
+def _core(mask: ByteMask) -> tuple[ByteMask, ByteMask]:
+    """Mark the pixels below all layers, and those with no neighbour in a deeper layer; and say how deep each is."""
     layer = peeled = mask
     for element in _PEELING:
         peeled = np.asarray(cv2.erode(peeled, element), np.uint8)
         layer = np.asarray(cv2.add(layer, peeled), np.uint8)
     deepest = np.asarray(layer == cv2.dilate(layer, _SQUARE)).view(np.uint8)
-    return np.asarray(cv2.bitwise_and(deepest, mask), np.uint8)
+    return np.asarray(cv2.bitwise_and(deepest, mask), np.uint8), layer
 
 
-def _contrast(distance: NDArray[np.uint16], core: ByteMask, rim: ByteMask, band: Indices) -> FloatArray:
-    """Return the mean distance over the rim of the core, around the core pixel nearest to each pixel of the band."""
+def _nearest(core: ByteMask, band: Indices) -> Indices:
+    """Return the core pixel nearest to each pixel of the band."""
+    _, labels = cv2.distanceTransformWithLabels(1 - core, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
+    pixels = np.flatnonzero(core.view(np.bool_))
+    return np.asarray(pixels[np.take(labels, band) - 1])  # labels count by rows, from 1
+
+
+def _contrast(distance: NDArray[np.uint16], rim: ByteMask, nearest: Indices) -> FloatArray:
+    """Return the mean distance over the rim of the core, around given core pixels."""
     sums = cv2.boxFilter(distance * rim, cv2.CV_32F, (3, 3), normalize=False)
     counts = cv2.boxFilter(rim, cv2.CV_32F, (3, 3), normalize=False)
-    _, labels = cv2.distanceTransformWithLabels(1 - core, cv2.DIST_L2, 5, labelType=cv2.DIST_LABEL_PIXEL)
-    nearest = np.flatnonzero(core.view(np.bool_))[np.take(labels, band) - 1]  # labels count by rows, from 1
     return np.asarray(np.take(sums, nearest).astype(np.float64) / np.take(counts, nearest))
