@@ -76,7 +76,7 @@ def refine_edges(
     distance.ravel()[used] = _color_distance(frame, mean, drift, _whole(used, box, mask.shape[1]))
     nearest = _nearest(core, band)
     contrast = _contrast(distance, rim, nearest)
-    thin = np.take(depth, nearest) <= _THIN
+    thin = (np.take(depth, nearest) <= _THIN) & (contrast >= _SURE_CONTRAST * _FINE)
     peak = np.take(cv2.dilate(distance * rim, square(_PEAK_PX)), nearest)  # blur takes some of a thin part's contrast
     contrast = np.where(thin, np.maximum(peak, contrast), contrast)
     beyond = np.take(further.ravel(), band).astype(np.bool_)
