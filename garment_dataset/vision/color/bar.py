@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from garment_dataset.vision.color.masks import Box
 
 _ZONE_M = 0.10  # how far below the gripper a bar may hang: half a metre of it leans by 10 degrees, or points away
-_SLACK_M = 0.012  # how far from the gripper's end point the bar may end
+_SLACK_M = 0.02  # how far from the gripper's end point the bar may end: it is held anywhere across it
 _BIN, _BINS = 8, 32  # grey levels by bin of a colour
 _SHOWN = 0.004  # share of the cloth that has a colour, or one beside it
 _LEAST_PX = 25

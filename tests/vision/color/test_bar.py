@@ -22,12 +22,12 @@ def turned(degrees: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 def scene(
-    degrees: float, *, wood: tuple[float, ...] = WOOD, half_px: float = 70.0, checked: bool = False, noise: float = 3.0
+    degrees: float, *, wood: tuple[float, ...] = WOOD, half_px: float = 70.0, checked: bool = False, low_px: float = 0.0
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
     """Frame, the wall alone, what is seen of bar and cloth below the gripper's row, and the cloth of it."""
     along, across = turned(degrees)
-    cloth = (np.abs(along) < half_px - 8) & (across >= 0) & (across < 180)
-    bar = (np.abs(along) < half_px) & (across < 0) & (across >= -15)
+    cloth = (np.abs(along) < half_px - 8) & (across >= low_px) & (across < 180)
+    bar = (np.abs(along) < half_px) & (across < low_px) & (across >= low_px - 15)
     expected = np.full((HEIGHT, WIDTH, 3), WALL)
     picture = expected.copy()
     picture[bar], picture[cloth] = wood, CLOTH
@@ -35,7 +35,7 @@ def scene(
         odd = ((along // 25 + across // 25) % 2 == 1) & cloth
         picture[odd] = (220.0, 210.0, 60.0)
     picture[:60, 140:160] = (60.0, 60.0, 66.0)
-    white = np.random.default_rng(2).normal(0, noise, picture.shape)
+    white = np.random.default_rng(2).normal(0, 3.0, picture.shape)
     frame = np.clip(np.rint(cv2.GaussianBlur(picture, (5, 5), 0.8) + white), 0, 255).astype(np.uint8)
     below = np.indices((HEIGHT, WIDTH))[0] >= HELD.v_px
     return frame, expected, ((bar | cloth) & below).astype(np.uint8), cloth & below
@@ -51,6 +51,19 @@ def test_the_bar_is_removed_and_the_cloth_kept(degrees: float, checked: bool) ->
     hung = (mask > 0) & ~cloth
     assert (kept & hung).sum() < 0.1 * hung.sum()
     assert (bar & cloth).sum() < 0.01 * cloth.sum()
+
+
+@pytest.mark.parametrize("low_px", [-6.0, 4.0, 8.0])
+@pytest.mark.parametrize("degrees", [-15.0, 3.0])
+def test_a_bar_may_be_held_anywhere_across_it(low_px: float, degrees: float) -> None:
+    frame, expected, mask, cloth = scene(degrees, low_px=low_px)
+    bar = bar_above(frame, expected, mask, HELD)
+    hung = (mask > 0) & ~cloth
+    if hung.sum() > 100:
+        assert bar is not None
+        assert (hung & ~bar).sum() < 0.1 * hung.sum()
+    if bar is not None:
+        assert (bar & cloth).sum() < 0.01 * cloth.sum()
 
 
 def test_a_bar_seen_along_it_is_removed() -> None:
