@@ -103,10 +103,13 @@ def plain_edges(frame: Image, model: Background, drift: Floats, cleaned: Mask, g
     contrast = ndimage.uniform_filter(distance * core, 3) / np.maximum(counts, 1e-9)
     v, u = ndimage.distance_transform_edt(~core, return_distances=False, return_indices=True)
     contrast = contrast[v, u]
+    thin = (layer[v, u] <= 3) & (contrast >= 24)
+    peak = ndimage.maximum_filter(distance * core, 7)[v, u]
+    contrast = np.where(thin, np.maximum(peak, contrast), contrast)
     decided = morphology.dilation(mask, DISC) & ~core & (contrast >= 8)
     shares = np.where(decided, np.minimum(distance / np.maximum(contrast, 1e-9), 1.5), mask)
     smooth = ndimage.convolve(shares, np.outer([1, 2, 1], [1, 2, 1]) / 16, mode="mirror")
-    return plain_garment(np.where(decided, smooth > 0.5, mask))
+    return plain_garment(np.where(decided, np.where(thin, shares, smooth) > 0.5, mask))
 
 
 def plain_axes(mask: Mask) -> Axes:
