@@ -158,6 +158,17 @@ def test_frames_without_a_garment_have_null_rows_with_a_reason(run: Any) -> None
         assert {name for name, value in row.items() if value is not None} <= kept
 
 
+def test_a_row_says_what_lowers_its_confidence(run: Any) -> None:
+    grey = wall(1)
+    grey[TOP : TOP + 50, LEFT : LEFT + 24] -= 40  # as flat as a shadow, and of the wall's hue
+    red, doubted, none = run(with_sheet(0), grey.astype(np.uint8), wall(2).astype(np.uint8))
+    assert (red["doubt"], red["reason"]) == (None, None)
+    assert red["confidence"] > 0.95
+    assert (doubted["doubt"], doubted["reason"]) == ("like_wall", None)
+    assert doubted["confidence"] < 0.6
+    assert (none["doubt"], none["confidence"]) == (None, None)
+
+
 def test_a_speck_is_no_garment(run: Any) -> None:
     picture = np.clip(wall(0), 0, 255).astype(np.uint8)
     picture[33:40, 67:77] = 20
