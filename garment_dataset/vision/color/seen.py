@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
+from garment_dataset.vision.color.masks import square
+
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
@@ -33,6 +35,9 @@ _TINT = 0.2  # a second lamp's colour in the shadow: share of the light that is 
 _LIT_BOUND = 3.0
 _AS_BEFORE_LEVELS = 12.0  # what differs by less is looked at to measure noise
 _LEAST_NOISE_LEVELS = 0.5  # rounding alone makes as much
+
+_LINE_PX = 5  # broader than a line
+_DEEP_DIP, _FAINT_DIP, _DIP_NOISE = 0.15, 0.07, 4.0  # how much less light than beside it a line has
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,3 +129,25 @@ def half(image: ColorImage | FloatArray) -> Plane:
     )
     small = cv2.resize(fine, None, fx=0.5, fy=0.5, interpolation=cv2.INTER_AREA)
     return np.asarray(cv2.GaussianBlur(small, (3, 3), 0), np.float32) / np.float32(_FINE)
+
+
+def dark_lines(seen: Seen) -> BoolArray:
+    """Mark dark lines, finer than the shadow of anything in a lit room: a sheet edge-on before the wall.
+
+    Parameters
+    ----------
+    seen : Seen
+        What is seen in half size.
+
+    Returns
+    -------
+    (h, w) bool
+        Pixels with less light than both sides of the line have.
+    """
+    dip = cv2.morphologyEx(seen.share, cv2.MORPH_BLACKHAT, square(_LINE_PX))
+    faint = np.asarray(dip > max(_FAINT_DIP, _DIP_NOISE * seen.noise / float(np.median(seen.level))), np.uint8)
+    count, labels = cv2.connectedComponents(faint, connectivity=8)
+    deep = np.zeros(count, np.bool_)
+    deep[labels[dip > _DEEP_DIP]] = True
+    deep[0] = False
+    return np.asarray(deep[labels])

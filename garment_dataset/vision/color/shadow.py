@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 
 from garment_dataset.vision.color.masks import square
+from garment_dataset.vision.color.seen import dark_lines
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -46,8 +47,6 @@ _LEAST_STRIPE_PX = (5, 2)  # lower ones are closed in full size
 _STRIPE_PX = 21  # height of a stripe of the wall's very colour, between the garment's own
 _GREY_BINS, _GREY_LIKELY, _LEAST_GREY_PX = 50, 0.02, 8  # of full light; share of the garment
 _OUTLINE_PX = 13
-_LINE_PX = 5  # broader than a line
-_DEEP_DIP, _FAINT_DIP, _DIP_NOISE = 0.15, 0.07, 4.0  # how much less light than beside it a line has
 _EDGE_PX = 3  # how broad a blurred edge is, from where it is surely garment
 _GAP_PX = 21  # how far apart parts of a thin sheet are seen
 
@@ -117,23 +116,12 @@ def _opened(mask: BoolArray) -> ByteMask:
 
 def _own(seen: Seen, cut: BoolArray, near: BoolArray | None) -> BoolArray:
     """Mark what no shadow explains and hangs from the gripper, be it by fields of a pattern that one explains."""
-    other = _bytes((~seen.like | _lines(seen)) & ~cut)
+    other = _bytes((~seen.like | dark_lines(seen)) & ~cut)
     _, labels, stats, _ = cv2.connectedComponentsWithStats(other, connectivity=8)
     stats[0, cv2.CC_STAT_AREA] = 0
     other = _bytes((stats[:, cv2.CC_STAT_AREA] >= _SPECK_PX)[labels])
     ellipse = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_BRIDGE_PX, _BRIDGE_PX))
     return _hanging(other, near, _bytes(cv2.dilate(other, ellipse)))
-
-
-def _lines(seen: Seen) -> BoolArray:
-    """Mark dark lines, finer than the shadow of anything in a lit room: a sheet edge-on before the wall."""
-    dip = cv2.morphologyEx(seen.share, cv2.MORPH_BLACKHAT, square(_LINE_PX))
-    faint = _bytes(dip > max(_FAINT_DIP, _DIP_NOISE * seen.noise / float(np.median(seen.level))))
-    count, labels = cv2.connectedComponents(faint, connectivity=8)
-    deep = np.zeros(count, np.bool_)
-    deep[labels[dip > _DEEP_DIP]] = True
-    deep[0] = False
-    return np.asarray(deep[labels])
 
 
 def _hanging(mask: ByteMask, near: BoolArray | None, linked: ByteMask | None = None) -> BoolArray:
