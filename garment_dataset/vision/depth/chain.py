@@ -67,7 +67,7 @@ class Track:
     end_noise_m : float
         Standard deviation of the noise of the garment's end along y.
     top_noise_m : float
-        The same of the distance between the gripper's end point and the cloth at its height.
+        Standard uncertainty of the distance between the gripper's end point and the cloth at its height.
     lean : (k,) float64
         Slope dz/dx of the sheet out of the plane of the profile.
     """

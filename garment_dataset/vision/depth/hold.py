@@ -1,8 +1,8 @@
 """Where the cloth leads above the first row that is seen of it: to the gripper's end point, or past it.
 
 The fingers hide the first centimetre. Drawn up from below, cloth that bends at the jaws seems to pass the end point by
-millimetres, though it is held there; cloth that hangs from the outside of the jaws does pass it. Lines of different
-length tell one from the other.
+millimetres, though it is held there; cloth that hangs from the outside of the jaws does pass it. Curves of different
+reach and degree tell one from the other: the more they disagree, the less they count.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from garment_dataset.vision.depth.flat_field import usual_pattern
 from garment_dataset.vision.depth.smoothing import adaptive_mean
 
 if TYPE_CHECKING:
@@ -20,10 +21,22 @@ if TYPE_CHECKING:
     from garment_dataset.vision.depth.profile import Profile
 
 _FRAMES = (5, 9, 17, 33, 65, 129, 257)
-"""How the cloth is held changes little, so it may be followed over the whole recording."""
+"""Whether the cloth is held at all changes little, so it may be followed over the whole recording."""
 
-_LONG_M, _SHORT_M = 0.04, 0.02
-_MIN_ROWS = 5
+_CURVES = ((1, 0.04), (2, 0.04), (2, 0.08), (2, 0.12))
+"""Degree of a curve, and how much cloth it is drawn up from, in metres. The first tells whether cloth is held."""
+
+_LEAST_M = 0.02
+_LEAST_ROWS = 8
+
+_EXPECTED_M = 0.001
+"""Standard deviation of the way past the end point before anything is seen: jaws are some millimetres thick."""
+
+_BEND_STD_M = 0.0003
+"""Standard error of all curves alike for cloth whose bend none of them follows."""
+
+_LEVERAGE = 1.5
+"""So many times as large as in its first windows the error of a curve is 12 mm above them."""
 
 _FARTHEST_M = 0.03
 """Cloth that seems farther from the gripper's end point is not held there: its line upwards means nothing."""
@@ -33,8 +46,7 @@ class Hold(NamedTuple):
     """How a garment is held, frame by frame.
 
     ``past_m``, (T,), is z of the cloth at the height of the end point, relative to it, 0 where the way down is
-    straight; ``noise_m``, (T,), the standard deviation of its noise; ``held``, (T,), whether the cloth leads to the end
-    point.
+    straight; ``noise_m``, (T,), its standard uncertainty; ``held``, (T,), whether the cloth leads to the end point.
     """
 
     past_m: FloatArray
@@ -48,48 +60,82 @@ class Hold(NamedTuple):
 
 
 def follow_hold(profiles: Sequence[Profile], gripper_m: FloatArray, time_s: FloatArray, *, over_time: bool) -> Hold:
-    """Find how far past the end point the cloth leads, by several estimates, each followed over time.
+    """Find how far past the end point the cloth leads, from curves drawn up from below.
 
     Parameters
     ----------
     profiles : sequence of Profile, length T
-        In the order of time.
+        In the order of time, with the depths of the windows that fit best: where the cloth is flat, the largest, which
+        average the sensor's pattern.
     gripper_m : (T, 3) float64
         End point of the gripper.
     time_s : (T,) float64
         Ascending, all different.
     over_time : bool
-        Whether anything is smoothed over time.
+        Whether anything is smoothed over time. Then the way past the end point is one for the whole recording, as jaws
+        stay closed: that of the median of every curve, over the frames in which the cloth is held.
 
     Returns
     -------
     Hold
     """
     each_m = np.stack([drawn_up_m(profile, gripper_m[row]) for row, profile in enumerate(profiles)])
-    tops_m, noise_m = adaptive_mean(time_s, each_m, _FRAMES if over_time else (), degree=1)
-    held = np.abs(tops_m[:, 0]) < _FARTHEST_M
-    return Hold(np.where(held, agreed_m(tops_m), tops_m[:, 0]), noise_m[:, 0], held)
+    shared_m = np.array([shared_std_m(profile) for profile in profiles])
+    line_m, noise_m = adaptive_mean(time_s, each_m[:, :1], _FRAMES if over_time else (), degree=1)
+    held = np.abs(line_m[:, 0]) < _FARTHEST_M
+    if over_time and held.any():
+        each_m = np.broadcast_to(np.median(each_m[held], axis=0), each_m.shape)
+        shared_m = np.full(shared_m.size, np.median(shared_m[held]))
+    past_m, std_m = weighed_m(each_m, shared_m)
+    return Hold(np.where(held, past_m, line_m[:, 0]), np.where(held, std_m, noise_m[:, 0]), held)
 
 
 def drawn_up_m(profile: Profile, gripper_m: FloatArray) -> FloatArray:
-    """Return z, relative to the gripper's, of the first cloth drawn up to the height of the end point, (3,).
+    """Return z, relative to the gripper's, of the first cloth drawn up to the height of the end point, (4,).
 
-    By the line through its first 4 cm, by that through the first 2 cm, and by the parabola through 4 cm: of the
-    smallest window, as larger ones straighten what bends at the jaws. Of too little cloth a mean and twice 0.
+    By a line through its first 4 cm, and by parabolas through 4, 8 and 12 cm. Of too little cloth the mean, each time.
     """
-    z_m = profile.window_z_m[0]
-    y_m = profile.y_m / profile.z_m * z_m - gripper_m[1]
-    first = (profile.piece == 0) & (y_m <= y_m[0] + _LONG_M)
-    y_m, z_m = y_m[first], z_m[first] - gripper_m[2]
-    short = y_m <= y_m[0] + _SHORT_M
-    if y_m[-1] - y_m[0] < _SHORT_M or short.sum() < _MIN_ROWS:
-        return np.array([z_m.mean(), 0.0, 0.0])
-    fits = ((y_m, z_m, 1), (y_m[short], z_m[short], 1), (y_m, z_m, 2))
-    return np.array([np.polynomial.polynomial.polyfit(*fit)[0] for fit in fits])
+    first = profile.piece == 0
+    y_m, z_m = profile.y_m[first] - gripper_m[1], profile.z_m[first] - gripper_m[2]
+    if y_m[-1] - y_m[0] < _LEAST_M or y_m.size < _LEAST_ROWS:
+        return np.full(len(_CURVES), z_m[y_m <= y_m[0] + _CURVES[0][1]].mean())
+    near = [y_m <= y_m[0] + reach_m for _, reach_m in _CURVES]
+    fits = [
+        np.polynomial.polynomial.polyfit(y_m[rows], z_m[rows], degree)[0]
+        for rows, (degree, _) in zip(near, _CURVES, strict=True)
+    ]
+    return np.array(fits)
 
 
-def agreed_m(tops_m: FloatArray) -> FloatArray:
-    """Return what several estimates, (T, n), agree on at least, (T,): 0 where they point to both sides."""
-    agreed = (np.sign(tops_m) == np.sign(tops_m[:, :1])).all(axis=1)
-    least_m: FloatArray = np.sign(tops_m[:, 0]) * np.abs(tops_m).min(axis=1) * agreed
-    return least_m
+def shared_std_m(profile: Profile) -> float:
+    """Return the standard error that all curves of a profile share: the pattern in its first windows, and bend."""
+    first = (profile.piece == 0) & (profile.y_m <= profile.y_m[0] + _CURVES[0][1])
+    pattern_m = usual_pattern().at(profile.pixels[first].astype(np.float64)) * profile.z_m[first] ** 2
+    return float(np.hypot(_BEND_STD_M, _LEVERAGE * pattern_m.mean()))
+
+
+def weighed_m(tops_m: FloatArray, shared_m: FloatArray) -> tuple[FloatArray, FloatArray]:
+    r"""Return what several estimates of the way past the end point say together, and its standard uncertainty.
+
+    Parameters
+    ----------
+    tops_m : (T, n) float64
+        Estimates, n > 1.
+    shared_m : (T,) float64
+        Standard error c that they share.
+
+    Returns
+    -------
+    past_m, std_m : (T,) float64
+
+    Notes
+    -----
+    Beforehand the way is 0, with the standard deviation E = 1 mm; the mean m of the estimates has the variance
+    :math:`\sigma^2 = s^2 + c^2`, s their scatter. Both normal, what is known afterwards is :math:`w m` with the
+    variance :math:`w \sigma^2`, :math:`w = E^2 / (E^2 + \sigma^2)`.
+    """
+    variance = tops_m.var(axis=1, ddof=1) + shared_m**2
+    weight = _EXPECTED_M**2 / (_EXPECTED_M**2 + variance)
+    past_m: FloatArray = weight * tops_m.mean(axis=1)
+    std_m: FloatArray = np.sqrt(weight * variance)
+    return past_m, std_m

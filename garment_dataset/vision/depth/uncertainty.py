@@ -139,12 +139,12 @@ def point_std_m(
     ray_m = np.sqrt(noise_m**2 + ray_fixed_m**2 + bent_std_m**2 + bridge_std_m**2)
 
     row_m = chain.position_m[2, -1] / intrinsics.fy_px / 2
-    held_m = np.sqrt(ray_fixed_m[0] ** 2 + sources.gripper_std_m[1] ** 2 + chain.arc_length_m[0] ** 2 / 3)
+    held_m = np.hypot(track.top_noise_m, sources.gripper_std_m[1])
     along_fixed_m = np.hypot(share * row_m, (1 - share) * held_m)
     folds_std_m, on_side = fold_std_m(chain, arc_m, flat)
     edge_m: FloatArray = EDGE_STD_M * on_side.astype(np.float64)
-    ends_m = sources.noise_factor * np.hypot(share * track.end_noise_m, (1 - share) * track.top_noise_m)
-    along_m = np.sqrt(along_fixed_m**2 + ends_m**2 + folds_std_m**2 + edge_m**2)
+    end_m = sources.noise_factor * share * track.end_noise_m
+    along_m = np.sqrt(along_fixed_m**2 + end_m**2 + folds_std_m**2 + edge_m**2)
 
     def stated(ray_m: FloatArray, along_m: FloatArray, edge_m: FloatArray) -> FloatArray:
         variance = _slid_m2(path_m, position_m, arc_m, along_m)
