@@ -37,17 +37,21 @@ _BELOW_HEM_PX = (2, 8)
 _BESIDE_HEM_PX = 3
 
 
-def hem_row(block_mm: DepthImage, rows: ProfileRows, last: int, jump_m: float) -> float | None:
-    """Return the row, in pixels of the image, at which the garment ends on the profile; None at the image's edge.
+def hem_row(block_mm: DepthImage, rows: ProfileRows, last: int, jump_m: float) -> tuple[float, float] | None:
+    """Return the row, in pixels of the image, at which the garment ends on the profile, and its standard uncertainty.
 
-    A cloth whose last pixel is in row v ends anywhere between v and v + 1.
+    A cloth whose last pixel is in row v ends anywhere between v and v + 1. Nothing is seen for some rows beyond it, of
+    columns near the profile at the median: there it may end as well. None at the image's edge.
     """
     if last >= rows.v.size - 1:
         return None
-    edge = edge_row(*column_ends(block_mm, rows, last, jump_m))
+    away_px, lowest, highest = column_ends(block_mm, rows, last, jump_m)
+    edge = edge_row(away_px, lowest, highest)
+    near = np.abs(away_px) <= _BESIDE_HEM_PX
+    unseen = float(np.median((highest - lowest)[near])) if near.any() else 0.0
     # a hole at the profile's own column may hide its last rows, but rows that are seen are there
     end = float(last) if edge is None or not -_EARLY_PX <= edge - last <= _HEM_REACH_PX else edge
-    return end + 0.5 + float(rows.v[0])
+    return end + 0.5 + float(rows.v[0]), float(unseen / np.sqrt(12))
 
 
 def column_ends(

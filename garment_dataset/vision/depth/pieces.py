@@ -60,3 +60,38 @@ def without_islands(index: IntArray, middle_m: FloatArray, jump_m: float) -> Int
         if end - start <= _ISLAND_ROWS and abs(middle_m[end] - middle_m[start - 1]) <= jump_m:
             kept[start:end] = False
     return index[kept]
+
+
+def doubtful_islands(
+    index: IntArray, kept: IntArray, middle_m: FloatArray, jump_m: float
+) -> tuple[IntArray, FloatArray]:
+    """Find what may be an island or not: those left out, and those up to twice as high that were not.
+
+    Parameters
+    ----------
+    index, kept : (n,), (k,) int64
+        Rows of the profile before and after :func:`without_islands`.
+    middle_m : (h,) float64
+        Depth by row.
+    jump_m : float
+        See :func:`breaks`.
+
+    Returns
+    -------
+    row : (m,) int64
+        Their first rows.
+    way_m : (m,) float64
+        Length of the way to each and back, which the profile has or not.
+    """
+    depth_m = middle_m[index]
+    first = np.flatnonzero(np.diff(pieces(depth_m, jump_m), prepend=-1))
+    stop = np.append(first[1:], index.size)
+    row, way_m = [], []
+    for start, end in zip(first[1:-1].tolist(), stop[1:-1].tolist(), strict=True):
+        before_m, after_m = depth_m[start - 1], depth_m[end]
+        left_out = index[start] not in kept
+        if left_out or (end - start <= 2 * _ISLAND_ROWS and abs(after_m - before_m) <= jump_m):
+            island_m = float(np.median(depth_m[start:end]))
+            row.append(int(index[start]))
+            way_m.append(float(abs(island_m - before_m) + abs(island_m - after_m)))
+    return np.array(row, np.int64), np.array(way_m, np.float64)

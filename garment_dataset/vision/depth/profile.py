@@ -8,7 +8,7 @@ of the cloth or a fold: pixels count as far as they are connected.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Literal
 
 import cv2
@@ -16,7 +16,7 @@ import numpy as np
 
 from garment_dataset.vision.depth.cloud import band_limits_mm, possible_region
 from garment_dataset.vision.depth.hem import hem_row
-from garment_dataset.vision.depth.pieces import breaks, pieces, without_islands
+from garment_dataset.vision.depth.pieces import breaks, doubtful_islands, pieces, without_islands
 from garment_dataset.vision.depth.surfaces import ProfileRows, Surfaces, fit_surfaces
 
 if TYPE_CHECKING:
@@ -56,6 +56,11 @@ class Profile:
     window_z_m, window_gain, window_pixels : (w, n) float64, float64, int64
         By window: depth of the node, variance of its inverse depth over that of one pixel if these were independent,
         and number of pixels.
+    islands_m : (2, m) float64
+        Where another layer may graze the profile, see :func:`~garment_dataset.vision.depth.pieces.doubtful_islands`:
+        y, and the length of the way to it and back.
+    end_std_m : float
+        Standard uncertainty of its end because nothing is seen right below.
     """
 
     y_m: FloatArray
@@ -70,6 +75,8 @@ class Profile:
     window_z_m: FloatArray
     window_gain: FloatArray
     window_pixels: IntArray
+    islands_m: FloatArray = field(default_factory=lambda: np.empty((2, 0)))
+    end_std_m: float = 0.0
 
     def end_m(self, gripper_x_m: float) -> Point:
         """Return where the profile ends, in space."""
@@ -169,12 +176,15 @@ def trace_profile(
         return "few_pixels"
     if _reach_m(rows, index[0], intrinsics, gripper_m) > settings.hold_reach_m:
         return "not_held"
-    index = without_islands(index, rows.middle_m[index], settings.jump_m)
+    whole, index = index, without_islands(index, rows.middle_m[index], settings.jump_m)
+    island, way_m = doubtful_islands(whole, index, rows.middle_m, settings.jump_m)
+    island_y_m = (rows.v[island] - intrinsics.cy_px) / intrinsics.fy_px * rows.middle_m[island]
     piece = pieces(rows.middle_m[index], settings.jump_m)
     surfaces = fit_surfaces(rows, index, piece, intrinsics, gripper_m[0], settings.windows_px)
-    end_v = hem_row(block, rows, index[-1], settings.jump_m)
-    last_v = (depth_mm.shape[0] - 0.5) if end_v is None else end_v
-    return _profile(_Rows(rows, index, piece), surfaces, last_v, intrinsics, ends_at_gap=ends_at_gap)
+    last_v, last_std_px = hem_row(block, rows, index[-1], settings.jump_m) or (depth_mm.shape[0] - 0.5, 0.0)
+    profile = _profile(_Rows(rows, index, piece), surfaces, last_v, intrinsics, ends_at_gap=ends_at_gap)
+    end_std_m = last_std_px / intrinsics.fy_px * float(profile.z_m[-1])
+    return replace(profile, islands_m=np.stack([island_y_m, way_m]), end_std_m=end_std_m)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

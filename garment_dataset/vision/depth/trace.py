@@ -10,6 +10,7 @@ import numpy as np
 from garment_dataset.vision.depth.carried import distance_m, judge_points, pixel_distance_m
 from garment_dataset.vision.depth.chain import divide_chain, link_samples
 from garment_dataset.vision.depth.cloud import select_pixels
+from garment_dataset.vision.depth.doubt import length_std_m, missing_m, unrest_m
 from garment_dataset.vision.depth.flat_field import column_offsets, column_std_per_m, inverse_depth_table, usual_pattern
 from garment_dataset.vision.depth.hem import doubt_hem
 from garment_dataset.vision.depth.material_line import divide_material_line, smooth_material_lines, trace_material_line
@@ -224,26 +225,34 @@ def trace_profiles(
     )
     frames = list(profiles)
     tracked_ns = np.array([stamps_ns[frame] for frame in frames], np.int64)
+    ends_m = np.array([grippers_m[frame] for frame in frames])
     tracks, points_m = track_profiles(
         list(profiles.values()),
         tracked_ns,
-        np.array([grippers_m[frame] for frame in frames]),
+        ends_m,
         BridgeLimits(settings.profile.jump_m, settings.longest_bridge_m),
         step_m=settings.sample_step_m,
         frames=settings.smoothing_frames,
         point_count=settings.point_count,
         pattern=pattern,
     )
+    restless_m = unrest_m(tracked_ns, points_m - ends_m[:, :, None])
+    whole = np.array([traces[frame].length_reason is None for frame in frames])
+    lacking_m = missing_m(tracked_ns, np.array([track.chain.length_m for track in tracks]), whole)
     lines = smooth_material_lines(lines, tracked_ns, frames=settings.smoothing_frames)
-    for frame, track, place_m, line in zip(frames, tracks, points_m, lines, strict=True):
+    for row, (frame, track, line) in enumerate(zip(frames, tracks, lines, strict=True)):
         if track.chain.length_m < settings.shortest_m:
             traces[frame] = Trace(track.chain, reason="short")
             continue
         count, gripper_m = settings.point_count, grippers_m[frame]
         points = divide_track(track, gripper_m, intrinsics, point_count=count, sources=sources)
-        points = replace(points, position_m=place_m)
+        below_m = float(np.hypot(lacking_m[row], profiles[frame].end_std_m))
+        doubt_m = length_std_m(profiles[frame].islands_m, below_m, track, gripper_m, points)
+        points = replace(points, position_m=points_m[row])
         away_m = distance_m(points, profiles[frame].measured_position_m(gripper_m[0]))
         points = judge_points(points, track.chain, away_m, gripper_m[2], **limits)
+        # doubt about the way is no reason to believe in a point
+        points = replace(points, std_m=np.sqrt(points.std_m**2 + doubt_m**2 + restless_m[row] ** 2))
         material_m = None if line is None else divide_material_line(line, track, gripper_m, count)
         traces[frame] = replace(traces[frame], chain=track.chain, points=points, material_m=material_m)
     return traces

@@ -147,7 +147,7 @@ def point_std_m(
     along_m = np.sqrt(along_fixed_m**2 + end_m**2 + folds_std_m**2 + edge_m**2)
 
     def stated(ray_m: FloatArray, along_m: FloatArray, edge_m: FloatArray) -> FloatArray:
-        variance = _slid_m2(path_m, position_m, arc_m, along_m)
+        variance = slid_m2(path_m, position_m, arc_m, along_m)
         variance[0] += sources.gripper_std_m[0] ** 2
         variance[1] += (position_m[1] / position_m[2] * ray_m) ** 2 + edge_m**2
         variance[2] += ray_m**2 + (track.lean[nearest] * sources.gripper_std_m[0]) ** 2
@@ -157,10 +157,22 @@ def point_std_m(
     return PointStd(stated(ray_m, along_m, edge_m), stated(ray_fixed_m, along_fixed_m, np.zeros(arc_m.size)))
 
 
-def _slid_m2(
+def slid_m2(
     path_m: tuple[FloatArray, FloatArray], position_m: FloatArray, arc_m: FloatArray, along_m: FloatArray
 ) -> FloatArray:
-    """Return the mean square of the ways to the places so far up and down the cloth, (3, r)."""
+    """Return the mean square of the ways to the places so far up and down the cloth, (3, r).
+
+    Parameters
+    ----------
+    path_m : ((n,) float64, (3, n) float64)
+        Arc length and position of the path's nodes.
+    position_m : (3, r) float64
+        Points on it, and
+    arc_m : (r,) float64
+        their places.
+    along_m : (r,) float64
+        How far they may slide.
+    """
     ways_m = [
         np.stack([np.interp(place_m, path_m[0], axis) for axis in path_m[1]]) - position_m
         for place_m in (arc_m - along_m, arc_m + along_m)
