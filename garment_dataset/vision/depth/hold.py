@@ -33,9 +33,9 @@ _EXPECTED_M = 0.001
 """Standard deviation of the way past the end point before anything is seen: jaws are some millimetres thick."""
 
 _FLAT_STD_M, _BENT_STD_M = 0.0003, 0.0012
-"""Standard errors of all curves alike for cloth whose bend none of them follows: in windows as large as any farther down,
-where it is flat, and in ones far smaller, where it is gathered. With the pattern that is 1 mm for towels held by a
-corner, collars and waistbands, as measured on the draws that the method was chosen on."""
+"""Standard errors of all curves alike for cloth whose bend none of them follows: in windows as large as any farther
+down, where it is flat, and in ones far smaller, where it is gathered. With the pattern that is 1 mm for towels held by
+a corner, collars and waistbands, as measured on the draws that the method was chosen on."""
 
 _LEVERAGE = 1.5
 """So many times as large as in its first windows the error of a curve is 12 mm above them."""
