@@ -106,10 +106,11 @@ constants were chosen on; *held out*: seeds from 201, which nothing was chosen o
 *As in the thesis*: eq. (5.3) with alpha 3, squares of 15 px, a threshold for an edge, no allowance for a change of
 brightness or for shadows, before the largest monochrome part of the background. A wall with folds has no such part.
 
-The towel and the shirt on the ruler are the sheets that are seen open, at an angle or edge-on: 101 (shirt), 104, 204 and
-207 are edge-on, 1 to 6 px wide as the sheet swings through the line of sight. The worst frames are the narrowest: where a
-sheet is 1 to 2 px wide, blurred and of the wall's hue, a third of a pixel is a fifth of it. Towel 207 has all of the
-wall's hue before a blur of 1.4 px, and misses 0.93. On towel 201 the ruler is told from the cloth in some frames only.
+The towel and the shirt on the ruler are the sheets that are seen open, at an angle or edge-on: 101 (shirt), 104, 204
+and 207 are edge-on, 1 to 6 px wide as they swing through the line of sight. The worst frames are the narrowest: of a
+sheet of 1 to 2 px, a third of a pixel is a fifth. Towel 207, of the wall's hue with a blur of 1.4 px, is found too
+broad by such a part, and misses 0.93; its confidence does not say so. On towel 201 the ruler is told from the cloth in
+some frames only.
 
 ## Confidence
 
