@@ -26,6 +26,7 @@ __all__ = [
 
 STAGES = (
     "decode",
+    "pixel_pattern",
     "sensor",
     "depth_points",
     "kinematics",

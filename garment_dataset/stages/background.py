@@ -8,7 +8,7 @@ from pydantic import Field
 
 from garment_dataset.engine.table import Column, TableSpec
 from garment_dataset.errors import BagError
-from garment_dataset.stages.inputs import usable_images, usable_stamps_ns
+from garment_dataset.stages.inputs import frames_within, usable_images
 from garment_dataset.stages.stage import Stage, StageParams
 
 if TYPE_CHECKING:
@@ -70,7 +70,7 @@ def background(bag: Path, frames: pa.Table, params: BackgroundParams) -> dict[st
     from garment_dataset.bags import open_bag
     from garment_dataset.vision.color.background import BackgroundAccumulator
 
-    wanted = _frames_within(frames, params)
+    wanted = frames_within(frames, "color", params.from_s, params.to_s)
     if len(wanted) < 2:
         begin_s, end = params.from_s or 0.0, "its end" if params.to_s is None else f"{params.to_s:g} s"
         raise BagError(
@@ -113,19 +113,6 @@ def background_model(table: pa.Table) -> Background:
     height_px = table.num_rows
     mean, std = (pc.list_flatten(table[name]).to_numpy().reshape(height_px, -1, 3) for name in ("mean", "std"))
     return Background(mean, std, table["frame_count"][0].as_py())
-
-
-def _frames_within(frames: pa.Table, params: BackgroundParams) -> set[int]:
-    """Return the usable colour frames of the interval."""
-    stamps_ns = usable_stamps_ns(frames, "color")
-    if not stamps_ns:
-        return set()
-    first_ns = min(stamps_ns.values())
-    begin_ns = first_ns + round((params.from_s or 0.0) * 1e9)
-    end_ns = None if params.to_s is None else first_ns + round(params.to_s * 1e9)
-    return {
-        frame for frame, stamp_ns in stamps_ns.items() if begin_ns <= stamp_ns and (end_ns is None or stamp_ns < end_ns)
-    }
 
 
 def _by_row(values: NDArray[np.float64]) -> pa.Array[Any]:

@@ -248,6 +248,7 @@ def depth_points(
     gripper: pa.Table,
     params: DepthPointsParams,
     sensor: pa.Table | None = None,
+    pixel_pattern: pa.Table | None = None,
 ) -> dict[str, pa.Table]:
     """Trace the garment in every usable depth frame.
 
@@ -261,6 +262,8 @@ def depth_points(
         See there.
     sensor : pyarrow.Table, optional
         As the stage of that name made it; without it the sensor is taken to err as real ones usually do.
+    pixel_pattern : pyarrow.Table, optional
+        As the stage of that name made it of the empty scene; as much as ``sensor`` says is taken off.
 
     Returns
     -------
@@ -299,7 +302,7 @@ def depth_points(
                         else trace_windows(depth_mm, intrinsics, grippers_m.get(frame), windows)
                     )
             else:
-                settings, known = params.track_settings(), known_sensor(sensor)
+                settings, known = params.track_settings(), known_sensor(sensor, pixel_pattern, shape)
                 traces = trace_profiles(images, stamps_ns, intrinsics, grippers_m, settings, known)
     _warn_of_gaps(bag.name, traces)
     return {

@@ -22,6 +22,25 @@ def usable_stamps_ns(frames: pa.Table, stream: Stream) -> dict[int, int]:
     return {frame: stamp_ns for found, frame, stamp_ns, fault in rows if found == stream and fault is None}
 
 
+def frames_within(frames: pa.Table, stream: Stream, from_s: float | None, to_s: float | None) -> set[int]:
+    """Return the usable images of a stream from one time to before another, after the first colour stamp.
+
+    None is without bound. Where there is no colour, times count from the first stamp of the stream.
+    """
+    stamps_ns = usable_stamps_ns(frames, stream)
+    begins_ns = usable_stamps_ns(frames, "color") or stamps_ns
+    if not stamps_ns:
+        return set()
+    first_ns = min(begins_ns.values())
+    begin_ns = None if from_s is None else first_ns + round(from_s * 1e9)
+    end_ns = None if to_s is None else first_ns + round(to_s * 1e9)
+    return {
+        frame
+        for frame, stamp_ns in stamps_ns.items()
+        if (begin_ns is None or begin_ns <= stamp_ns) and (end_ns is None or stamp_ns < end_ns)
+    }
+
+
 def known_grippers_m(gripper: pa.Table, stream: Stream) -> dict[int, tuple[float, float, float]]:
     """Return the end point of the gripper in a stream's optical frame, by image, where it is known."""
     rows = zip(*(gripper[name].to_pylist() for name in ("stream", "frame", "x_m", "y_m", "z_m")), strict=True)

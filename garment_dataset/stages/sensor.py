@@ -18,12 +18,13 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from garment_dataset.arrays import DepthImage, FloatArray
+    from garment_dataset.vision.depth.pixel_pattern import PatternShare, ShareReason
 
 _PER_M = "inverse depth, in which a sensor that measures disparity errs alike at every distance"
 
 SENSOR = TableSpec(
     "sensor",
-    1,
+    2,
     "the depth stream of a recording",
     (
         Column("openni_levels", "bool", "1", "whether depths are those that OpenNI's driver can report"),
@@ -41,10 +42,29 @@ SENSOR = TableSpec(
             "list<float64>",
             "1/m",
             "standard deviation, among windows of these sizes, of what is always added to their means, after the "
-            "columns' own errors are taken off",
+            "columns' own errors are taken off, and what is known pixel by pixel",
             True,
         ),
         Column("pattern_reason", "string", "", "why there is no pattern: no_plane behind the garment", True),
+        Column(
+            "pixel_share",
+            "float64",
+            "1",
+            "how much of the pattern of the empty scene is taken off, pixel by pixel: what the garment shows, "
+            "regressed on it, and shrunk by its uncertainty",
+            True,
+            "pixel_share_std",
+        ),
+        Column("pixel_share_std", "float64", "1", "standard uncertainty of that regression", True),
+        Column(
+            "pixel_share_reason",
+            "string",
+            "",
+            "why nothing is taken off: no_empty_scene of the camera position; image_size: it is of another; "
+            "no_pattern: it shows no smooth surface; few_pixels of the garment to compare; not_predictive: the garment "
+            "does not follow it",
+            True,
+        ),
         *(
             Column(
                 f"gripper_{axis}_error_m",
@@ -71,7 +91,12 @@ class SensorParams(StageParams):
 
 
 def sensor(
-    bag: Path, frames: pa.Table, camera: pa.Table, gripper: pa.Table, params: SensorParams
+    bag: Path,
+    frames: pa.Table,
+    camera: pa.Table,
+    gripper: pa.Table,
+    params: SensorParams,
+    pixel_pattern: pa.Table | None = None,
 ) -> dict[str, pa.Table]:
     """Measure what the depth images of a recording say of their sensor.
 
@@ -83,6 +108,8 @@ def sensor(
         As ``decode`` made them.
     params : SensorParams
         See there.
+    pixel_pattern : pyarrow.Table, optional
+        Of the empty scene of its camera position, as the stage of that name made it.
 
     Returns
     -------
@@ -100,7 +127,7 @@ def sensor(
     row: dict[str, Any] = dict.fromkeys(names)
     row["openni_levels"] = on_ladder
     row |= _noise(rest, table, next(iter(grippers_m.values()), None), params)
-    row |= _pattern(spread, table, params)
+    row |= _patterns(spread, table, pixel_pattern, grippers_m, params)
     row |= _gripper(gripper)
     return {"sensor": SENSOR.table({name: [row[name]] for name in names})}
 
@@ -172,26 +199,60 @@ def _noise(
     }
 
 
-def _pattern(spread: Sequence[DepthImage], table: FloatArray, params: SensorParams) -> dict[str, Any]:
-    """Return what a plane behind the garment says of what is always added."""
-    import numpy as np
-
-    from garment_dataset.vision.depth.backdrop import backdrop, static_inverse
+def _patterns(
+    spread: Sequence[DepthImage],
+    table: FloatArray,
+    pixel_pattern: pa.Table | None,
+    grippers_m: dict[int, tuple[float, float, float]],
+    params: SensorParams,
+) -> dict[str, Any]:
+    """Return what a plane behind the garment says of what is always added, and how the empty scene's pattern helps."""
     from garment_dataset.vision.depth.flat_field import column_offsets
-    from garment_dataset.vision.depth.sensor_noise import fixed_pattern
+    from garment_dataset.vision.depth.pattern import less_known, measured_pattern
+    from garment_dataset.vision.depth.pixel_pattern import PatternShare
 
-    plane = backdrop(static_inverse(spread, table, params.beyond_m)) if len(spread) >= 2 else None
-    if plane is None:
-        return {"pattern_reason": "no_plane"}
-    offset = column_offsets(spread, table, beyond_m=params.beyond_m)
-    halves = [spread[: len(spread) // 2], spread[len(spread) // 2 :]]
-    means = [static_inverse(half, table, params.beyond_m) - (0.0 if offset is None else offset) for half in halves]
-    if offset is not None and offset.any():
-        plane &= offset != 0  # columns that were not corrected say nothing of those that were
-    found = fixed_pattern(means[0], means[1], plane & np.isfinite(means[0]))
+    offset = column_offsets(spread, table, beyond_m=params.beyond_m) if spread else None
+    known = _pattern_of(pixel_pattern, spread)
+    share = known if isinstance(known, str) else _share(spread, table, offset, known, grippers_m, params)
+    found = measured_pattern(spread, table, offset, beyond_m=params.beyond_m)
+    row: dict[str, Any] = {}
+    if isinstance(share, PatternShare):
+        row |= {"pixel_share": share.used, "pixel_share_std": share.std}
+        if found is not None and not isinstance(known, str):
+            found = less_known(found, share.used * known)
+    else:
+        row["pixel_share_reason"] = share
     if found is None:
-        return {"pattern_reason": "no_plane"}
-    return {"pattern_pixels": found.pixels.tolist(), "pattern_per_m": found.std_per_m.tolist()}
+        return row | {"pattern_reason": "no_plane"}
+    return row | {"pattern_pixels": found.pixels.tolist(), "pattern_per_m": found.std_per_m.tolist()}
+
+
+def _pattern_of(pixel_pattern: pa.Table | None, spread: Sequence[DepthImage]) -> FloatArray | ShareReason:
+    """Return the pattern of the empty scene, if it is one of such images."""
+    from garment_dataset.stages.depth_images import pattern_image
+
+    if pixel_pattern is None or pixel_pattern.num_rows == 0:
+        return "no_empty_scene"
+    known = pattern_image(pixel_pattern)
+    return "image_size" if any(image.shape != known.shape for image in spread) else known
+
+
+def _share(
+    spread: Sequence[DepthImage],
+    table: FloatArray,
+    offset: FloatArray | None,
+    known: FloatArray,
+    grippers_m: dict[int, tuple[float, float, float]],
+    params: SensorParams,
+) -> PatternShare | ShareReason:
+    """Return how much of a pattern is seen where the garment can be: as near to the gripper as it ever is."""
+    from garment_dataset.vision.depth.pixel_pattern import pattern_share
+
+    depths_m = [place_m[2] for place_m in grippers_m.values()]
+    if not depths_m:
+        return "few_pixels"
+    near_m, far_m = min(depths_m) - params.reach_m, min(max(depths_m) + params.reach_m, params.beyond_m)
+    return pattern_share(spread, table, offset, known, (max(int(1000 * near_m), 1), int(1000 * far_m)))
 
 
 def _gripper(gripper: pa.Table) -> dict[str, float]:

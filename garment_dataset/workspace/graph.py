@@ -68,7 +68,18 @@ def draw_graph(catalog: Catalog, pipelines: Sequence[Pipeline], rows: Iterable[C
                     if names.isdisjoint(group.recordings):
                         continue
                     drawing.add_group(stage, group, pipeline, is_whole=names.issuperset(group.recordings))
-    return Drawn(Graph(drawing.nodes.values()), tuple(drawing.partial))
+    stages = [stage for pipeline in pipelines for stage in pipeline.stages]
+    kept = (node for node in drawing.nodes.values() if not _can_be_spared(node, stages))
+    return Drawn(Graph(kept), tuple(drawing.partial))
+
+
+def _can_be_spared(node: Node, stages: Iterable[Stage]) -> bool:
+    """Say whether a camera position has no empty scene to run a node on, and all that read it can do without."""
+    if node.blocked is None or not isinstance(node.stage, Stage) or node.stage.per != "position":
+        return False
+    made = {output.name for output in node.stage.outputs}
+    readers = [stage for stage in stages if made & {*stage.inputs}]
+    return bool(readers) and all(made & {*stage.inputs} <= stage.optional for stage in readers)
 
 
 def _matching(catalog: Catalog, pipeline: Pipeline) -> Predicate:

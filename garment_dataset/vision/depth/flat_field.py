@@ -14,7 +14,6 @@ import numpy as np
 
 from garment_dataset.vision.depth.backdrop import backdrop, static_inverse
 from garment_dataset.vision.depth.cloud import COLUMN_BAND_LEVELS, LEVEL_SPACING_PER_M
-from garment_dataset.vision.depth.sensor_noise import FixedPattern
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -23,19 +22,6 @@ if TYPE_CHECKING:
 
 BAND_WIDTH_PX = 56.0
 """Width of the vertical bands that share an error (measured: 56 px on most cameras, 96 px on some)."""
-
-FINE_PATTERN_LEVELS = 0.25
-"""Standard deviation of the fixed error that differs from pixel to pixel, in level spacings.
-
-An assumption, the same as the simulated sensor's: real planes are rougher than noise in time explains, but how much
-of that is fixed was not measured apart.
-"""
-
-FINE_PATTERN_BLOB_PX = 113.0
-"""Pixels of a window that tell as much about that pattern as one independent pixel would.
-
-White noise smoothed by a Gaussian of 3 px, as simulated, has 4 pi 3^2 px to a blob.
-"""
 
 _LEVELS = 1053
 _MIN_ON_LADDER = 0.99
@@ -213,9 +199,3 @@ def column_std_per_m(
         usual_per_m = 0.0
     std_per_m: FloatArray = usual_per_m * np.sqrt(variance)
     return std_per_m
-
-
-def usual_pattern() -> FixedPattern:
-    """Return the fixed pattern, columns aside, of a sensor of which nothing is known: an OpenNI camera's."""
-    blobs = np.array([1.0, 4.0, 16.0, 64.0, 256.0])
-    return FixedPattern(FINE_PATTERN_BLOB_PX * blobs, FINE_PATTERN_LEVELS * LEVEL_SPACING_PER_M / np.sqrt(blobs))

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from garment_dataset.vision.depth.flat_field import usual_pattern
+from garment_dataset.vision.depth.pattern import usual_pattern
 from garment_dataset.vision.depth.smoothing import adaptive_mean
 
 if TYPE_CHECKING:

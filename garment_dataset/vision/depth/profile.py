@@ -125,8 +125,9 @@ class DepthScale:
     ----------
     table_per_m : (65536,) float64
         Inverse depth by millimetres, from :func:`~garment_dataset.vision.depth.flat_field.inverse_depth_table`.
-    offset_per_m : (W,) float64 or None
-        What the columns add to it, from :func:`~garment_dataset.vision.depth.flat_field.column_offsets`.
+    offset_per_m : (W,) or (H, W) float64 or None
+        What the columns add to it, from :func:`~garment_dataset.vision.depth.flat_field.column_offsets`, or what every
+        pixel adds.
     """
 
     table_per_m: FloatArray
@@ -167,7 +168,8 @@ def trace_profile(
     if not inside.any():
         return "no_pixels"
     masked = np.where(inside, block, np.uint16(0))
-    offset = np.zeros(block.shape[1]) if scale.offset_per_m is None else scale.offset_per_m[columns]
+    added = np.zeros(1) if scale.offset_per_m is None else scale.offset_per_m
+    offset = np.broadcast_to(added, depth_mm.shape)[lines, columns]
     seen = _Block(masked, lines.start, columns.start, scale.table_per_m, offset)
     rows = _gather(seen, intrinsics, gripper_m, settings.jump_m, reach_px)
     below = (rows.v - intrinsics.cy_px) / intrinsics.fy_px * np.nan_to_num(rows.middle_m) >= top_m[1]
@@ -231,7 +233,7 @@ def _gather(block: _Block, intrinsics: Intrinsics, gripper_m: Point, jump_m: flo
     return ProfileRows(
         v=(row + block.first_row).astype(np.float64),
         weight=weight,
-        inverse=weight * (inverse - block.offset_per_m[columns]),
+        inverse=weight * (inverse - block.offset_per_m.ravel().take(pixel)),
         shift_px=np.rint(column_px) - column_px,
         column_px=column_px,
         middle_m=np.where(around_mm[:, half] > 0, around_mm[:, half] / 1000, np.nan),

@@ -1,8 +1,7 @@
-"""What a recording says of its own depth sensor: noise, its correlations, the fixed pattern, the step of its levels.
+"""What a recording says of its own depth sensor: noise, its correlations, the step of its levels.
 
 All is in inverse depth, 1/m, where a sensor that measures disparity errs alike at every distance. Noise is what differs
-between frames in which nothing moves; the fixed pattern is by how much a plane that stands still seems bent in all of
-them. An error that is the same in all pixels cannot be told from where things are.
+between frames in which nothing moves; what does not differ is in :mod:`~garment_dataset.vision.depth.pattern`.
 """
 
 from __future__ import annotations
@@ -17,11 +16,10 @@ if TYPE_CHECKING:
 
     from garment_dataset.arrays import BoolArray, DepthImage, FloatArray
 
-WINDOWS_PX = ((0, 0), (2, 2), (4, 7), (8, 8), (12, 12), (18, 12), (36, 12), (36, 24), (70, 20))
-"""Half widths and half heights of the windows over which errors are averaged to see how fast they fade."""
-
 _FULL = 0.8
-_MIN_WINDOWS = 12
+MIN_WINDOWS = 12
+"""Fewer means say nothing of how they scatter."""
+
 _JUMP_PER_M = 0.03
 """Pixels that change by more between two frames, 3 cm at 1 m, see another surface."""
 
@@ -46,27 +44,6 @@ class TimeNoise:
     std_per_m: float
     correlation: float
     pixels_per_independent: float
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class FixedPattern:
-    """How large the mean over a window is that a sensor always adds.
-
-    Parameters
-    ----------
-    pixels : (k,) float64
-        Sizes of the windows, rising.
-    std_per_m : (k,) float64
-        Standard deviation of the mean over such a window, falling.
-    """
-
-    pixels: FloatArray
-    std_per_m: FloatArray
-
-    def at(self, pixels: FloatArray) -> FloatArray:
-        """Return the standard deviation of means over windows of these sizes, interpolated in their logarithms."""
-        std_per_m: FloatArray = np.interp(np.log(np.maximum(pixels, 1.0)), np.log(self.pixels), self.std_per_m)
-        return std_per_m
 
 
 def level_step_per_m(frames: Sequence[DepthImage], table: FloatArray, near_mm: int, far_mm: int) -> float | None:
@@ -127,57 +104,8 @@ def time_noise(inverse: FloatArray, region: BoolArray) -> TimeNoise | None:
     correlation = 1 - 2 * ratio
     means = np.concatenate([window_means(each, 12, 12)[0].ravel() for each in change])
     means = means[np.isfinite(means)]
-    together = 625 * float(np.mean(means**2)) / variance if means.size >= _MIN_WINDOWS else 25.0
+    together = 625 * float(np.mean(means**2)) / variance if means.size >= MIN_WINDOWS else 25.0
     return TimeNoise(float(np.sqrt(variance / (2 * (1 - correlation)))), correlation, max(together, 1.0))
-
-
-def fixed_pattern(first: FloatArray, second: FloatArray, plane: BoolArray) -> FixedPattern | None:
-    """Measure what is always added, on a plane, from two means over different frames.
-
-    Parameters
-    ----------
-    first, second : (H, W) float64
-        Mean inverse depth over different frames, less what is corrected anyway.
-    plane : (H, W) bool
-        Pixels of a plane that stands still.
-
-    Returns
-    -------
-    FixedPattern or None
-        None when no window of 25 pixels finds room on the plane.
-
-    Notes
-    -----
-    A paraboloid is taken off first: a lean is the plane's, and walls are bent. What both means share is fixed, as the
-    noise is not the same in them: the variance is the mean product of their window means.
-    """
-    seen = plane & np.isfinite(first) & np.isfinite(second)
-    if not seen.any():
-        return None
-    flat = [_less_paraboloid(mean, seen) for mean in (first, second)]
-    sizes, stds = [], []
-    for half_width, half_height in WINDOWS_PX:
-        means, full = zip(*(window_means(values, half_width, half_height) for values in flat), strict=True)
-        both = means[0] * means[1]
-        both = both[np.isfinite(both)]
-        if both.size >= _MIN_WINDOWS:
-            sizes.append(float(full[0]))
-            stds.append(float(np.sqrt(max(both.mean(), 0.0))))
-    if len(sizes) < 2:
-        return None
-    # the mean over more pixels errs no more: what seems so is chance
-    return FixedPattern(np.array(sizes), np.maximum.accumulate(np.array(stds)[::-1])[::-1])
-
-
-def _less_paraboloid(values: FloatArray, seen: BoolArray) -> FloatArray:
-    v, u = np.nonzero(seen)
-    x, y = 2 * u / values.shape[1] - 1, 2 * v / values.shape[0] - 1
-    basis = np.stack([np.ones(u.size), x, y, x * x, x * y, y * y], axis=1)
-    known = values[v, u]
-    fit = np.linalg.lstsq(basis.T @ basis, basis.T @ known, rcond=None)[0]
-    residual = np.full(values.shape, np.nan)
-    residual[v, u] = known - basis @ fit
-    return residual
 
 
 def window_means(values: FloatArray, half_width: int, half_height: int) -> tuple[FloatArray, int]:

@@ -9,12 +9,17 @@ import numpy as np
 
 from garment_dataset.vision.depth.carried import distance_m, judge_points, pixel_distance_m
 from garment_dataset.vision.depth.chain import divide_chain, link_samples
-from garment_dataset.vision.depth.cloud import select_pixels
+from garment_dataset.vision.depth.cloud import (
+    LEVEL_SPACING_PER_M,
+    NOISE_LEVELS,
+    PIXELS_PER_INDEPENDENT,
+    select_pixels,
+)
 from garment_dataset.vision.depth.doubt import length_std_m, missing_m, unrest_m
-from garment_dataset.vision.depth.flat_field import column_offsets, column_std_per_m, inverse_depth_table, usual_pattern
+from garment_dataset.vision.depth.flat_field import column_offsets, column_std_per_m, inverse_depth_table
 from garment_dataset.vision.depth.hem import doubt_hem
 from garment_dataset.vision.depth.material_line import divide_material_line, smooth_material_lines, trace_material_line
-from garment_dataset.vision.depth.pattern import fixed_pattern
+from garment_dataset.vision.depth.pattern import usual_pattern
 from garment_dataset.vision.depth.profile import DepthScale, Profile, trace_profile
 from garment_dataset.vision.depth.samples import sample_windows
 from garment_dataset.vision.depth.support import BridgeLimits
@@ -29,7 +34,7 @@ if TYPE_CHECKING:
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
     from garment_dataset.vision.depth.hem import LengthReason
     from garment_dataset.vision.depth.material_line import MaterialLine
-    from garment_dataset.vision.depth.sensor_noise import FixedPattern
+    from garment_dataset.vision.depth.pattern import FixedPattern
     from garment_dataset.vision.depth.settings import TrackSettings, WindowSettings
 
 Reason = Literal[
@@ -83,6 +88,10 @@ class Trace:
     material_m: FloatArray | None = None
 
 
+USUAL_NOISE_PER_M = LEVEL_SPACING_PER_M * NOISE_LEVELS * PIXELS_PER_INDEPENDENT**0.5
+"""Where a recording does not show it."""
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class KnownSensor:
     """What a recording says of its own errors.
@@ -91,6 +100,10 @@ class KnownSensor:
     ----------
     pattern : FixedPattern or None
         What the sensor always adds; None: it shows none, and the usual one is taken.
+    pixels_per_m : (H, W) float64 or None
+        The part of it that is known pixel by pixel, 0 elsewhere, and is taken off.
+    noise_per_m : float
+        Standard deviation in time of one pixel, if all of a window were independent.
     noise_correlation : float
         Of a pixel's noise with the next frame.
     gripper_std_m : (x, y, z)
@@ -98,6 +111,8 @@ class KnownSensor:
     """
 
     pattern: FixedPattern | None = None
+    pixels_per_m: FloatArray | None = None
+    noise_per_m: float = USUAL_NOISE_PER_M
     noise_correlation: float = 0.0
     gripper_std_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
@@ -186,7 +201,7 @@ def trace_profiles(
         What the recording says of its sensor; by default it is taken to be as real ones usually are.
     """
     known = KnownSensor() if known is None else known
-    scale, columns_per_m, pattern = _measure_scale(images, list(stamps_ns), settings, known)
+    scale, columns_per_m = _measure_scale(images, list(stamps_ns), settings, known)
     traces: dict[int, Trace] = {}
     profiles: dict[int, Profile] = {}
     limits = {"band_half_width_m": settings.profile.band_half_width_m, "jump_m": settings.profile.jump_m}
@@ -215,10 +230,11 @@ def trace_profiles(
                 traces[frame] = Trace(reason=found)
     if not profiles:
         return traces
+    pattern = known.pattern or usual_pattern()
     x_m, y_m, z_m = (float(np.hypot(settings.gripper_std_m, seen_m)) for seen_m in known.gripper_std_m)
     sources = ErrorSources(
         columns_per_m,
-        known.pattern or usual_pattern(),
+        pattern,
         (x_m, y_m, z_m),
         settings.profile.windows_px[-1],
         noise_factor(known.noise_correlation),
@@ -235,6 +251,7 @@ def trace_profiles(
         frames=settings.smoothing_frames,
         point_count=settings.point_count,
         pattern=pattern,
+        noise_per_m=known.noise_per_m,
     )
     restless_m = unrest_m(tracked_ns, points_m - ends_m[:, :, None])
     whole = np.array([traces[frame].length_reason is None for frame in frames])
@@ -263,15 +280,16 @@ def _measure_scale(
     frames: Sequence[int],
     settings: TrackSettings,
     known: KnownSensor,
-) -> tuple[DepthScale, FloatArray, FloatArray]:
-    """Measure what the columns add to inverse depth, on some images; return it with what is left, and the pattern."""
+) -> tuple[DepthScale, FloatArray]:
+    """Measure what the columns add to inverse depth, on some images; return it, and what is left of it."""
     chosen = set(frames[:: max(len(frames) // settings.flat_field_frames, 1)])
     some = [np.array(depth_mm) for frame, depth_mm in images if frame in chosen and depth_mm is not None]
     table, _ = inverse_depth_table(some)
-    pattern = fixed_pattern(some, table, beyond_m=settings.flat_field_beyond_m)
     if not some:
-        return DepthScale(table), np.zeros(1), pattern
+        return DepthScale(table), np.zeros(1)
     offset = column_offsets(some, table, beyond_m=settings.flat_field_beyond_m)
     window_px, measured = 2.0 * settings.profile.windows_px[-1][0], known.pattern is not None
     left_per_m = column_std_per_m(offset, window_px, some[0].shape[1], measured=measured)
-    return DepthScale(table, offset), left_per_m, pattern
+    if known.pixels_per_m is None:
+        return DepthScale(table, offset), left_per_m
+    return DepthScale(table, known.pixels_per_m + (0.0 if offset is None else offset)), left_per_m

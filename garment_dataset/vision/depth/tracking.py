@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from garment_dataset.arrays import FloatArray, IntArray
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
     from garment_dataset.vision.depth.hold import Hold
+    from garment_dataset.vision.depth.pattern import FixedPattern
     from garment_dataset.vision.depth.profile import Profile
     from garment_dataset.vision.depth.support import BridgeLimits
     from garment_dataset.vision.depth.uncertainty import ErrorSources
@@ -49,7 +50,8 @@ def track_profiles(
     step_m: float,
     frames: Sequence[int],
     point_count: int,
-    pattern: FloatArray,
+    pattern: FixedPattern,
+    noise_per_m: float,
 ) -> tuple[list[Track], FloatArray]:
     """Smooth the profiles of a recording over time and link them.
 
@@ -69,8 +71,10 @@ def track_profiles(
         Lengths of the polynomials in time, see :func:`adaptive_mean`.
     point_count : int
         r.
-    pattern : (2,) float64
-        Of the sensor, see :func:`~garment_dataset.vision.depth.windows.choose_windows`.
+    pattern : FixedPattern
+        What the sensor always adds.
+    noise_per_m : float
+        See :func:`~garment_dataset.vision.depth.windows.choose_windows`.
 
     Returns
     -------
@@ -80,7 +84,7 @@ def track_profiles(
     """
     order = np.argsort(stamp_ns, kind="stable")
     gripper_m = gripper_m[order]
-    profiles = choose_windows([profiles[i] for i in order], gripper_m, pattern)
+    profiles = choose_windows([profiles[i] for i in order], gripper_m, pattern, noise_per_m)
     # frames of one stamp are kept apart by a nanosecond each: their polynomials stay solvable
     time_s = (stamp_ns[order] - stamp_ns[order[0]]) / 1e9 + 1e-9 * np.arange(order.size)
     hold = follow_hold(profiles, gripper_m, time_s, over_time=bool(frames))

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from garment_dataset.arrays import BoolArray, FloatArray, IntArray
     from garment_dataset.vision.depth.chain import Chain, Track
     from garment_dataset.vision.depth.cloud import Intrinsics
-    from garment_dataset.vision.depth.sensor_noise import FixedPattern
+    from garment_dataset.vision.depth.pattern import FixedPattern
 
 BENT_STD_M = 0.002
 """Standard error of z where cloth is bent across the profile within the smallest windows.

@@ -13,12 +13,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from garment_dataset.vision.depth.cloud import LEVEL_SPACING_PER_M, NOISE_LEVELS, PIXELS_PER_INDEPENDENT
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from garment_dataset.arrays import FloatArray
+    from garment_dataset.vision.depth.pattern import FixedPattern
     from garment_dataset.vision.depth.profile import Profile
 
 _STEP_M = 0.005
@@ -26,8 +25,8 @@ _POOLED_FRAMES = 17
 _POOLED_SAMPLES = 15
 """Half a second, and 7.5 cm of cloth: one and a half times the smallest window."""
 
-_NOISE_LEFT_PER_M = LEVEL_SPACING_PER_M * NOISE_LEVELS * np.sqrt(PIXELS_PER_INDEPENDENT * 0.255)
-"""Noise of one pixel in a window of such ones, after the parabola through 9 frames leaves a quarter of its variance."""
+_NOISE_LEFT = float(np.sqrt(0.255))
+"""Share of the noise that is left by the parabola through 9 frames."""
 
 _CONFIDENCE = 2.0
 """So many standard deviations of pattern and noise a difference may have. Fewer would take the small window just where
@@ -36,7 +35,9 @@ its own pattern is worst."""
 _FADE = 0.5
 
 
-def choose_windows(profiles: Sequence[Profile], gripper_m: FloatArray, pattern: FloatArray) -> list[Profile]:
+def choose_windows(
+    profiles: Sequence[Profile], gripper_m: FloatArray, pattern: FixedPattern, noise_per_m: float
+) -> list[Profile]:
     r"""Give every profile the depths of the windows that fit it best.
 
     Parameters
@@ -45,9 +46,10 @@ def choose_windows(profiles: Sequence[Profile], gripper_m: FloatArray, pattern: 
         In the order of time, each with the depths of w windows.
     gripper_m : (T, 3) float64
         End point of the gripper.
-    pattern : (2,) float64
-        Standard deviation of the sensor's fixed pattern in inverse depth, 1/m, and pixels of a window that tell as much
-        about it as one independent pixel would.
+    pattern : FixedPattern
+        What the sensor always adds.
+    noise_per_m : float
+        Of one pixel in a window of such ones, if all were independent.
 
     Returns
     -------
@@ -59,7 +61,8 @@ def choose_windows(profiles: Sequence[Profile], gripper_m: FloatArray, pattern: 
     With :math:`P_k` the variance that pattern and smoothed noise leave in the window k, a window k larger than i is
     better by :math:`P_i - P_k` and worse by the square of its bias b. The difference of both has the mean square
     :math:`b^2 + P_i - P_k`, less the noise that is left of it, which is known from its scatter over time. So k is taken
-    where that is below :math:`4 (P_i - P_k)`, two standard deviations, and fades out up to half more.
+    where that is below four times what the pattern gains, two standard deviations, and what the noise does, and fades
+    out up to half more.
     """
     windows = profiles[0].window_z_m.shape[0]
     if windows == 1 or len(profiles) < 2:
@@ -68,7 +71,9 @@ def choose_windows(profiles: Sequence[Profile], gripper_m: FloatArray, pattern: 
     raster_m: FloatArray = _STEP_M * np.arange(int(max(float(y[-1]) for y in below_m) / _STEP_M) + 2, dtype=np.float64)
     inverse = _on_raster(raster_m, below_m, [1 / profile.window_z_m for profile in profiles])
     gain = _on_raster(raster_m, below_m, [profile.window_gain for profile in profiles])
-    variance = pattern[0] ** 2 * np.minimum(pattern[1] * gain, 1) + _NOISE_LEFT_PER_M**2 * gain
+    # the mean over so many pixels would have the same noise; noise counts once, as that of the differences is taken off
+    noise = (_NOISE_LEFT * noise_per_m / _CONFIDENCE) ** 2 * gain
+    variance = pattern.at(1 / np.maximum(gain, 1e-9)) ** 2 + noise
     best, best_variance = inverse[:, 0], variance[:, 0]
     shares = np.empty_like(inverse[:, 1:])
     for k in range(1, windows):

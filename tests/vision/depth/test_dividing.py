@@ -8,11 +8,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from garment_dataset.vision.depth.cloud import LEVEL_SPACING_PER_M
 from garment_dataset.vision.depth.dividing import divide_profile, smooth_points
-from garment_dataset.vision.depth.flat_field import ladder_per_m
 from garment_dataset.vision.depth.hold import Hold, follow_hold, shared_std_m, weighed_m
-from garment_dataset.vision.depth.pattern import ASSUMED_PATTERN, fixed_pattern
 from garment_dataset.vision.depth.profile import Profile
 
 if TYPE_CHECKING:
@@ -21,7 +18,6 @@ if TYPE_CHECKING:
     FloatArray = NDArray[np.float64]
 
 GRIPPER_M = np.array([0.0, -0.3, 1.0])
-LADDER = ladder_per_m()
 
 
 def profile_of(
@@ -129,31 +125,3 @@ def test_small_windows_share_more_of_pattern_and_bend() -> None:
     bent, flat = (profile_of(BELOW_M, 0 * BELOW_M, window_px=count) for count in (400, 3600))
     narrow = replace(bent, window_pixels=bent.pixels[None])
     assert shared_std_m(bent) > 1.5 * shared_std_m(narrow) > 2 * shared_std_m(flat)
-
-
-def levels(inverse: FloatArray) -> NDArray[np.uint16]:
-    """Return the millimetres of the level nearest to inverse depths."""
-    mm = np.flatnonzero(LADDER)
-    rising = LADDER[mm][::-1]
-    nearest = np.clip(np.searchsorted((rising[1:] + rising[:-1]) / 2, inverse), 0, rising.size - 1)
-    return mm[::-1][nearest].astype(np.uint16)
-
-
-@pytest.mark.parametrize("strength", [0.0, 0.3])
-def test_the_pattern_is_what_the_halves_of_the_frames_share(strength: float) -> None:
-    """White in blocks of 10 x 10 pixels: each tells as much as one independent pixel."""
-    rng = np.random.default_rng(3)
-    blocks = np.kron(rng.standard_normal((48, 64)), np.ones((10, 10)))
-    exact = 1 / 1.8 + 2e-5 * np.arange(480)[:, None] + strength * LEVEL_SPACING_PER_M * blocks
-    frames = [levels(exact + rng.normal(0, 0.6 * LEVEL_SPACING_PER_M, exact.shape)) for _ in range(8)]
-    std, blob_px = fixed_pattern(frames, LADDER, beyond_m=1.4)
-    assert std / LEVEL_SPACING_PER_M == pytest.approx(strength, abs=0.03)
-    if strength:
-        assert blob_px == pytest.approx(100, rel=0.35)
-
-
-def test_without_a_smooth_wall_the_pattern_is_assumed() -> None:
-    near = [np.full((480, 640), 1000, np.uint16)] * 8
-    rough = [np.where(np.random.default_rng(1).random((480, 640)) < 0.5, 1794, 1823).astype(np.uint16)] * 8
-    for frames in (near, rough, near[:2]):
-        assert fixed_pattern(frames, LADDER, beyond_m=1.4).tolist() == ASSUMED_PATTERN.tolist()

@@ -10,7 +10,7 @@ import pytest
 
 from garment_dataset.vision.depth.backdrop import backdrop, static_inverse
 from garment_dataset.vision.depth.flat_field import plain_per_m
-from garment_dataset.vision.depth.sensor_noise import fixed_pattern, level_step_per_m, time_noise, window_means
+from garment_dataset.vision.depth.sensor_noise import level_step_per_m, time_noise
 
 if TYPE_CHECKING:
     from garment_dataset.arrays import FloatArray
@@ -44,28 +44,6 @@ def test_noise_and_its_correlations_are_found(correlation: float, radius_px: flo
 
 def test_two_frames_say_nothing_of_correlation() -> None:
     assert time_noise(np.ones((2, *SHAPE)), EVERYWHERE) is None
-
-
-@pytest.mark.parametrize("radius_px", [0.0, 4.0])
-def test_the_pattern_is_told_from_noise(radius_px: float) -> None:
-    rng = np.random.default_rng(4)
-    fixed = 0.001 * blobs(rng, radius_px)
-    v, u = np.indices(SHAPE)
-    wall = 0.5 + 1e-4 * u - 2e-4 * v + 1e-8 * u * v
-    first, second = (wall + fixed + 0.001 * blobs(rng, 1.0) for _ in range(2))
-    found = fixed_pattern(first, second, EVERYWHERE)
-    assert found is not None
-    assert found.std_per_m[0] == pytest.approx(0.001, rel=0.1)
-    assert (np.diff(found.std_per_m) <= 0).all()
-    expected = np.nanstd(window_means(fixed, 12, 12)[0])
-    assert found.at(np.array([625.0]))[0] == pytest.approx(expected, rel=0.2, abs=4e-5)
-
-
-def test_without_a_pattern_there_is_next_to_none() -> None:
-    rng = np.random.default_rng(6)
-    found = fixed_pattern(0.5 + 0.001 * blobs(rng, 1.0), 0.5 + 0.001 * blobs(rng, 1.0), EVERYWHERE)
-    assert found is not None
-    assert found.std_per_m[0] < 5e-5
 
 
 @pytest.mark.parametrize("step_per_m", [0.0015, 0.003])

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from garment_dataset.vision.depth.cloud import LEVEL_SPACING_PER_M, Intrinsics
+from garment_dataset.vision.depth.pattern import FixedPattern
 from garment_dataset.vision.depth.pieces import breaks, pieces, without_islands
 from garment_dataset.vision.depth.profile import Profile
 from garment_dataset.vision.depth.surfaces import ProfileRows, Surfaces, fit_surfaces
@@ -23,7 +24,16 @@ if TYPE_CHECKING:
 
 K = Intrinsics(fx_px=570.0, fy_px=570.0, cx_px=320.0, cy_px=240.0)
 ROWS, HALF = 90, 40
-PATTERN = np.array([0.25 * LEVEL_SPACING_PER_M, 113.0])
+NOISE_PER_M = 3.2 * LEVEL_SPACING_PER_M
+
+
+def blobs_of(levels: float) -> FixedPattern:
+    """Return a pattern in blobs of 113 pixels."""
+    sizes = 113.0 * np.array([1.0, 4.0, 16.0, 64.0, 256.0])
+    return FixedPattern(sizes, levels * LEVEL_SPACING_PER_M * np.sqrt(113 / sizes))
+
+
+PATTERN = blobs_of(0.25)
 
 
 def rows_of(inverse: Callable[[FloatArray, FloatArray], FloatArray], weight: FloatArray | None = None) -> ProfileRows:
@@ -163,9 +173,9 @@ def test_noise_lets_the_large_window_be_and_a_bend_does_not() -> None:
     bent = z_m.copy()
     bent[:, 1] += 0.004
     gripper_m = np.zeros((40, 3))
-    chosen = choose_windows(profiles_of(z_m), gripper_m, PATTERN)
+    chosen = choose_windows(profiles_of(z_m), gripper_m, PATTERN, NOISE_PER_M)
     assert all(np.allclose(profile.z_m, 1.0, atol=1e-4) and (profile.pixels > 2900).all() for profile in chosen)
-    kept = choose_windows(profiles_of(bent), gripper_m, PATTERN)
+    kept = choose_windows(profiles_of(bent), gripper_m, PATTERN, NOISE_PER_M)
     np.testing.assert_allclose([profile.z_m for profile in kept], bent[:, 0], atol=1e-9)
 
 
@@ -173,7 +183,7 @@ def test_the_stronger_the_pattern_the_more_a_difference_is_taken_for_it() -> Non
     z_m = np.full((20, 2, 120), 1.0)
     z_m[:, 1] += 0.0015
     weak, strong = (
-        choose_windows(profiles_of(z_m), np.zeros((20, 3)), np.array([levels * LEVEL_SPACING_PER_M, 113.0]))[5].z_m
+        choose_windows(profiles_of(z_m), np.zeros((20, 3)), blobs_of(levels), NOISE_PER_M)[5].z_m
         for levels in (0.05, 0.5)
     )
     np.testing.assert_allclose(weak, 1.0)

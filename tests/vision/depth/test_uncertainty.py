@@ -10,7 +10,7 @@ import pytest
 
 from garment_dataset.vision.depth.chain import Chain, ChainPoints, Track
 from garment_dataset.vision.depth.cloud import Intrinsics
-from garment_dataset.vision.depth.sensor_noise import FixedPattern
+from garment_dataset.vision.depth.pattern import FixedPattern
 from garment_dataset.vision.depth.support import Support
 from garment_dataset.vision.depth.tracking import divide_track
 from garment_dataset.vision.depth.uncertainty import (
