@@ -55,6 +55,9 @@ class DepthNuisance:
         Distance of the levels that it can report, in shifts; reported are whole millimetres, not OpenNI's.
     depth_pattern : Pattern or None
         What it always adds, instead of the usual.
+    depth_pattern_stays : float or None
+        Share of the variance of its texture that stays on its pixels; the rest goes with the projected dots, over the
+        image as the distance changes. Usually all of it stays.
     depth_bias_m : float or None
         Error common to all pixels, at 1.07 m; it grows with the square of the distance.
     depth_drift_m_s : float or None
@@ -80,6 +83,7 @@ class DepthNuisance:
     depth_grain: tuple[float, float] | None = None
     depth_step: float | None = None
     depth_pattern: Pattern | None = None
+    depth_pattern_stays: float | None = None
     depth_bias_m: float | None = None
     depth_drift_m_s: float | None = None
     depth_fattening_px: float | None = None
@@ -121,6 +125,9 @@ DEPTH_DRAWS: Mapping[str, Callable[[np.random.Generator], object]] = {
     # from a thirty-second of a pixel, as later stereo cameras have it, to a little more than OpenNI's eighth
     "depth_step": lambda rng: float(10 ** rng.uniform(-0.8, 0.15)),
     "depth_pattern": _pattern,
+    # dots are matched with those of a reference image: which dots a window holds changes with the disparity, 16 px from
+    # 1.8 to 1.07 m; errors of lens and reference image stay. How they share was not measured
+    "depth_pattern_stays": lambda rng: float(rng.uniform(0.0, 1.0)),
     # a few millimetres at 1 m, not calibrated (Smisek, Jancosek and Pajdla, 2011; Herrera et al., 2012)
     "depth_bias_m": lambda rng: float(rng.normal(0.0, 0.002)),
     # up to 1.8 mm per kelvin (Fiedler and Mueller, 2013), of which 8 s see little

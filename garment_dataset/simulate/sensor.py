@@ -77,14 +77,14 @@ def blobs(rng: np.random.Generator, radius_px: float) -> NDArray[np.float32]:
     return field.astype(np.float32, copy=False)
 
 
-def fixed_pattern() -> NDArray[np.float32]:
+def fixed_pattern(stays: float = 1.0) -> NDArray[np.float32]:
     """Return what this camera always adds, shape (H, W), in shift units: vertical bands and a fine fixed texture.
 
-    It belongs to the camera, so it is the same in every recording.
+    It belongs to the camera, so it is the same in every recording; of the texture a share stays on its pixels.
     """
     rng = np.random.default_rng(_CAMERA_SEED)
     bands = _bands(rng, _BAND_START_PX, _BAND_PITCH_PX, _BAND_SHIFT)
-    texture = _PATTERN_SHIFT * blobs(rng, 3.0)
+    texture = _PATTERN_SHIFT * np.float32(np.sqrt(stays)) * blobs(rng, 3.0)
     pattern: NDArray[np.float32] = (bands + texture).astype(np.float32)
     return pattern
 
@@ -97,15 +97,29 @@ def _bands(rng: np.random.Generator, start_px: float, pitch_px: float, shift: fl
     return scaled
 
 
-def pattern_of(pattern: Pattern) -> NDArray[np.float32]:
-    """Return what another camera always adds, shape (H, W), in shift units."""
+def pattern_of(pattern: Pattern, stays: float = 1.0) -> NDArray[np.float32]:
+    """Return what another camera always adds, shape (H, W), in shift units; of blobs a share stays on its pixels."""
     rng = np.random.default_rng(pattern.seed)
     if pattern.kind == "none":
         return np.zeros((HEIGHT_PX, WIDTH_PX), np.float32)
     if pattern.kind == "blobs":
-        return np.float32(pattern.levels_shift) * grain(rng, (HEIGHT_PX, WIDTH_PX), pattern.size_px)
+        return np.float32(pattern.levels_shift * np.sqrt(stays)) * grain(rng, (HEIGHT_PX, WIDTH_PX), pattern.size_px)
     bands = _bands(rng, float(rng.uniform(0, pattern.size_px)), pattern.size_px, pattern.levels_shift)
     return np.broadcast_to(bands, (HEIGHT_PX, WIDTH_PX)).astype(np.float32)
+
+
+def texture_of_dots(pattern: Pattern | None, stays: float) -> NDArray[np.float32] | None:
+    """Return the texture that goes with the dots, shape (H, W), by the column that they were projected from.
+
+    None where the camera has no texture.
+    """
+    if pattern is None:
+        share = np.float32(_PATTERN_SHIFT * np.sqrt(1 - stays))
+        return share * blobs(np.random.default_rng(_CAMERA_SEED + 1), 3.0)
+    if pattern.kind != "blobs":
+        return None
+    share = np.float32(pattern.levels_shift * np.sqrt(1 - stays))
+    return share * grain(np.random.default_rng(pattern.seed + 1), (HEIGHT_PX, WIDTH_PX), pattern.size_px)
 
 
 class DepthSensor:
@@ -126,7 +140,10 @@ class DepthSensor:
         self._grain = nuisance.depth_grain
         self._keep = _TIME_CORRELATION if self._grain is None else self._grain[1]
         self._table = openni_table()
-        self._pattern = fixed_pattern() if nuisance.depth_pattern is None else pattern_of(nuisance.depth_pattern)
+        kind, stays = nuisance.depth_pattern, nuisance.depth_pattern_stays
+        own = 1.0 if stays is None else stays
+        self._pattern = fixed_pattern(own) if kind is None else pattern_of(kind, own)
+        self._dots = None if stays is None else texture_of_dots(kind, stays)
         self._fine, self._coarse = self._blobs(), blobs(rng, _COARSE_PX)
         self._patchy = blobs(rng, 2.0)
         self._closing = blobs(rng, 6.0)
@@ -147,7 +164,8 @@ class DepthSensor:
         seen_m = self._at_edges(depth_m)
         if self._nuisance.depth_exponent is not None:
             noise *= (seen_m / _REFERENCE_M).astype(np.float32) ** np.float32(self._nuisance.depth_exponent - 2)
-        shift = shift_of_depth(seen_m) + self._pattern + noise + _SHIFTS_PER_M * self._common_m(time_s)
+        always = self._pattern if self._dots is None else self._pattern + _seen_dots(self._dots, seen_m)
+        shift = shift_of_depth(seen_m) + always + noise + _SHIFTS_PER_M * self._common_m(time_s)
         reported = self._report(shift)
         reported[missing] = 0
         return reported
@@ -199,6 +217,13 @@ class DepthSensor:
             missing |= grazing(depth_m, self._nuisance.depth_grazing_rad, _RAGGED_RAD * self._ragged)
         missing[:, WIDTH_PX - DEAD_COLUMNS_PX :] = True
         return missing
+
+
+def _seen_dots(texture: NDArray[np.float32], depth_m: NDArray[np.float64]) -> NDArray[np.float32]:
+    """Return the texture of the dots where they are seen: the projector's column is to the left by the disparity."""
+    disparity_px = np.rint(_FOCAL_BASELINE_PX_M / depth_m).astype(np.intp)
+    column = (np.arange(WIDTH_PX) - disparity_px) % WIDTH_PX
+    return np.take_along_axis(texture, column, axis=1)
 
 
 def shadow(depth_m: NDArray[np.float64]) -> NDArray[np.bool_]:

@@ -33,6 +33,7 @@ PIXEL_PATTERN = TableSpec(
             "1/m",
             "what is always added to inverse depth in these columns, finer than some 60 px and less what whole columns "
             "share; a level of an OpenNI sensor is 0.00292 / m",
+            uncertainty="pattern_std_per_m",
         ),
         Column("pattern_std_per_m", "list<float64>", "1/m", "its standard uncertainty by the noise of the frames"),
     ),

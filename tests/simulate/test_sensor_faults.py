@@ -97,3 +97,18 @@ def test_patterns_have_the_levels_they_say() -> None:
     assert np.ptp(bands, axis=0).max() == 0
     assert bands.std() == pytest.approx(0.3, abs=0.01)
     assert pattern_of(Pattern("blobs", 4.0, 0.3, 1)).std() == pytest.approx(0.3, abs=0.03)
+
+
+@pytest.mark.parametrize("stays", [0.0, 0.5, 1.0])
+def test_the_texture_of_the_dots_moves_with_the_disparity(stays: float) -> None:
+    """What stays is alike at two distances, and the rest is alike after a way by the disparity."""
+    nuisance = replace(QUIET, depth_step=0.1, depth_pattern=Pattern("blobs", 4.0, 0.5, 3), depth_pattern_stays=stays)
+    seen = []
+    for depth_m in (1.8, 1.07):
+        image = DepthSensor(np.random.default_rng(0), nuisance).frame(np.full(SHAPE, depth_m))[:, 100:500]
+        seen_m = np.where(image > 0, image / 1000, depth_m)
+        seen.append(shift_of_depth(seen_m) - shift_of_depth(np.array(depth_m)))
+    moved_px = round(42.78 / 1.07) - round(42.78 / 1.8)
+    assert np.corrcoef(seen[0].ravel(), seen[1].ravel())[0, 1] == pytest.approx(stays, abs=0.12)
+    far, near = seen[0][:, : 400 - moved_px], seen[1][:, moved_px:]
+    assert np.corrcoef(far.ravel(), near.ravel())[0, 1] == pytest.approx(1 - stays, abs=0.12)

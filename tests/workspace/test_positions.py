@@ -93,3 +93,17 @@ def test_the_scene_of_one_position_may_be_a_recording_of_another(color_workspace
     with Session(found, ["topics_file=2"]) as session:
         assert session.graph[NodeId("masks", COLOR_RECORDINGS[0])].inputs["background"].subject == "position_1"
         assert session.graph[NodeId("masks", COLOR_RECORDINGS[2])].inputs["background"].subject == "position_2"
+
+
+def test_what_all_can_do_without_is_left_out_with_its_empty_scene(color_workspace: Workspace) -> None:
+    """A position that shows no empty scene is no obstacle to those that only could use it."""
+    (color_workspace.recordings_dir / "camera_default_0.bag").unlink()
+    used = small_stage("used", "frames, params", per='"position"', knobs=INTERVAL)
+    twice = small_stage("twice", "frames, params, used=None", value='used["value"][0].as_py() if used else 7')
+    found = put_stages(color_workspace, "used", "twice", used=used, twice=twice)
+    (found.pipelines_dir / "colour.toml").write_text('recordings = ["axis=B"]\nstages = ["decode", "used", "twice"]\n')
+    events = found.build(jobs=0).events
+    assert NodeId("used", "position_1") not in events
+    assert events[NodeId("used", "position_2")].ending is Ending.BUILT
+    assert [values(found, "twice")[name] for name in COLOR_RECORDINGS[:2]] == [7, 7]
+    assert values(found, "twice")[COLOR_RECORDINGS[2]] != 7
