@@ -226,3 +226,19 @@ def test_truth_of_what_was_not_built_is_passed_over(built: Path) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         assert list(rms_of(built)) == ["one", "two", "all"]
+
+
+@pytest.mark.parametrize("source", ["points", "tracks"])
+def test_kinematics_of_tracks_are_compared_with_the_material(tmp_path: Path, source: str) -> None:
+    """And those of points are not: these are compared with what is seen, beside the points."""
+    truth = tmp_path / "recordings" / "one.truth"
+    truth.mkdir(parents=True)
+    truth_table().to_parquet(truth / "tracks.parquet")
+    own = features_table(shift_m=0.001).assign(recording="one", source=source)
+    own.to_parquet(place(tmp_path, "kinematics", "one"))
+    features_table().assign(recording="one").to_parquet(place(tmp_path, "tracks", "one"))
+    scores = score(tmp_path / "features", tmp_path / "recordings")
+    assert scores.points == ()
+    found = {row.table: row.rms for row in scores.tables if row.column == "length_m"}
+    assert found.pop("tracks") == pytest.approx(0)
+    assert found == ({"kinematics": pytest.approx(0.001)} if source == "tracks" else {})

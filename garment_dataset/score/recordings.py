@@ -97,6 +97,7 @@ def _point_scores(features: Path, truth: Mapping[str, Path]) -> list[PointScore]
 
     known = {name: folder for name, folder in truth.items() if (folder / "points.parquet").is_file()}
     points, kinematics = _tables(features, "points", known), _tables(features, "kinematics", known)
+    kinematics = {name: own for name, own in kinematics.items() if _source(own) == "points"}
     lines = {name: pd.read_parquet(truth[name] / "points.parquet") for name in points}
     rows = []
     for line in LINES:
@@ -108,6 +109,11 @@ def _point_scores(features: Path, truth: Mapping[str, Path]) -> list[PointScore]
         if len(errors) > 1:
             rows += score_errors(join_errors(errors.values()), POOLED, line)
     return rows
+
+
+def _source(kinematics: pd.DataFrame) -> str:
+    """Return whose motion a table is of; those built before it was said are of points."""
+    return str(kinematics["source"].iloc[0]) if "source" in kinematics else "points"
 
 
 def _silhouette_scores(features: Path, truth: Mapping[str, Path]) -> list[SilhouetteScore]:
@@ -124,15 +130,18 @@ def _silhouette_scores(features: Path, truth: Mapping[str, Path]) -> list[Silhou
 
 
 def _table_scores(features: Path, truth: Mapping[str, Path]) -> list[ColumnScore]:
-    """Score the tables of other stages of which there is truth."""
+    """Score the tables of other stages of which there is truth, and kinematics of tracks with those of the material."""
     rows: list[ColumnScore] = []
     for table in tables_in(features):
-        known = {name: path for name, folder in truth.items() if (path := folder / f"{table}.parquet").is_file()}
-        if table in _SCORED or not known:
+        file = "tracks" if table == "kinematics" else table
+        known = {name: path for name, folder in truth.items() if (path := folder / f"{file}.parquet").is_file()}
+        if (table in _SCORED and table != "kinematics") or not known:
             continue
         by_column: dict[str, list[ColumnErrors]] = {}
         described = table_description(features, table)
         for name, own in _tables(features, table, known).items():
+            if table == "kinematics" and _source(own) != "tracks":
+                continue
             try:
                 errors = column_errors(own, _read_truth(known[name]), described)
             except TableError as error:

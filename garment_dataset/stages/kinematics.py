@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Literal, Self
 
 from pydantic import Field, model_validator
@@ -10,6 +9,7 @@ from pydantic import Field, model_validator
 from garment_dataset.engine.table import Column, TableSpec
 from garment_dataset.errors import PipelineError
 from garment_dataset.stages.columns import FRAME, STAMP
+from garment_dataset.stages.moving import moving_points
 from garment_dataset.stages.stage import Stage, StageParams
 
 if TYPE_CHECKING:
@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from garment_dataset.arrays import FloatArray, IntArray
+    from garment_dataset.stages.moving import Moving
     from garment_dataset.vision.onset import Onset, OnsetReason, OnsetSettings
 
 
@@ -38,7 +39,7 @@ def _vector(name: str, unit: str, what: str) -> tuple[Column, ...]:
 
 KINEMATICS = TableSpec(
     "kinematics",
-    2,
+    3,
     "one point of one depth frame, the gripper among them",
     (
         FRAME,
@@ -64,6 +65,12 @@ KINEMATICS = TableSpec(
             "bridged_m", "float64", "m", "length of the bridge it is on, as in points; null: gripper", nullable=True
         ),
         Column("reason", "string", "", "why there is no position; null when there is one", nullable=True),
+        Column(
+            "source",
+            "string",
+            "",
+            "whose motion: points, of equal shares of what is seen, or tracks, of the material; the same in all rows",
+        ),
     ),
     keys=("frame", "point"),
 )
@@ -128,20 +135,6 @@ class KinematicsParams(StageParams):
         )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Tracks:
-    """The gripper as point 0 and the points, in the order of the images."""
-
-    frame: IntArray  # (T,)
-    stamp_ns: IntArray  # (T,)
-    position_m: FloatArray  # (T, P, 3)
-    std_m: FloatArray  # (T, P, 3)
-    fixed_m: FloatArray  # (T, P, 3), the part of it that stays as it is while a point does
-    pixels: FloatArray  # (T, P)
-    bridged_m: FloatArray  # (T, P)
-    reasons: list[list[str | None]]  # T lists of P
-
-
 def kinematics(
     points: pa.Table, gripper: pa.Table, params: KinematicsParams, tracks: pa.Table | None = None
 ) -> dict[str, pa.Table]:
@@ -177,7 +170,7 @@ def kinematics(
     from garment_dataset.vision.kinematics import increasing
     from garment_dataset.vision.onset import find_onset
 
-    moving = _moving(_source(points, tracks, params), gripper)
+    moving = moving_points(_source(points, tracks, params), gripper)
     kept = np.flatnonzero(increasing(moving.stamp_ns))
     onset = find_onset(moving.stamp_ns[kept], moving.position_m[kept, 0], params.onset_settings())
     count = moving.position_m.shape[1]
@@ -191,6 +184,7 @@ def kinematics(
         "pixels": moving.pixels.ravel(),
         "bridged_m": moving.bridged_m.ravel(),
         "reason": [reason for reasons in moving.reasons for reason in reasons],
+        "source": [params.source] * (moving.frame.size * count),
     }
     return {"kinematics": KINEMATICS.table(columns)}
 
@@ -224,48 +218,7 @@ def _spread(values: NDArray[Any], kept: IntArray, count: int) -> NDArray[Any]:
     return spread
 
 
-def _moving(points: pa.Table, gripper: pa.Table) -> _Tracks:
-    import numpy as np
-
-    frame, first, row = np.unique(points["frame"].to_numpy(), return_index=True, return_inverse=True)
-    point = points["point"].to_numpy()
-    shape = (frame.size, int(point.max(initial=0)) + 1)
-
-    def placed(name: str) -> FloatArray:
-        values = np.full(shape, np.nan)
-        if name in points.column_names:  # a stage in place of `depth_points` may leave some out
-            values[row, point] = points[name].to_numpy()
-        return values
-
-    ends = ("_m", "_std_m", "_fixed_m")
-    position_m, std_m, fixed_m = (np.stack([placed(f"{axis}{end}") for axis in "xyz"], axis=-1) for end in ends)
-    reasons: list[list[str | None]] = [["no_gripper"] + [None] * (shape[1] - 1) for _ in frame]
-    for index, number, reason in zip(row, point, points["reason"].to_pylist(), strict=True):
-        reasons[index][number] = reason
-
-    rows = {number: index for index, number in enumerate(frame.tolist())}
-    for held in gripper.to_pylist():
-        if held["stream"] == "depth" and (index := rows.get(held["frame"])) is not None:
-            position_m[index, 0], std_m[index, 0] = (_triple(held, end) for end in ("_m", "_std_m"))
-            reasons[index][0] = held["reason"]
-    return _Tracks(
-        frame,
-        points["stamp_ns"].to_numpy()[first],
-        position_m,
-        std_m,
-        fixed_m,
-        placed("pixels"),
-        placed("bridged_m"),
-        reasons,
-    )
-
-
-def _triple(row: dict[str, Any], end: str) -> list[float]:
-    values = (row.get(f"{axis}{end}") for axis in "xyz")
-    return [float("nan") if value is None else value for value in values]
-
-
-def _since_onset(tracks: _Tracks, kept: IntArray, onset: Onset | OnsetReason) -> dict[str, Any]:
+def _since_onset(tracks: Moving, kept: IntArray, onset: Onset | OnsetReason) -> dict[str, Any]:
     """Return the columns of time and displacement."""
     import numpy as np
 
@@ -293,7 +246,7 @@ def _since_onset(tracks: _Tracks, kept: IntArray, onset: Onset | OnsetReason) ->
     }
 
 
-def _derivatives(tracks: _Tracks, kept: IntArray, params: KinematicsParams) -> dict[str, Any]:
+def _derivatives(tracks: Moving, kept: IntArray, params: KinematicsParams) -> dict[str, Any]:
     """Return the columns of velocity and acceleration."""
     import numpy as np
 

@@ -13,6 +13,7 @@ from garment_dataset.stages.inputs import known_grippers_m, usable_stamps_ns
 from garment_dataset.stages.stage import Stage, StageParams
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     import pyarrow as pa
@@ -64,6 +65,12 @@ class TracksParams(StageParams):
         gt=0,
         description="by how much errors exceed what the terms above let expect, chosen on docs/tracks.md",
     )
+    fold_share: float = Field(
+        default=0.2,
+        ge=0,
+        description="standard uncertainty of x over the root of the folds' depth at rest times the way since: a fold "
+        "may roll over the cloth; chosen on docs/tracks.md",
+    )
     flat_field_frames: int = Field(
         default=8, ge=1, description="images from which the fixed errors of the columns are measured"
     )
@@ -94,6 +101,7 @@ class TracksParams(StageParams):
             bending_std_m=self.bending_std_m,
             acceleration_m_s2=self.acceleration_m_s2,
             caution=self.caution,
+            fold_share=self.fold_share,
         )
 
 
@@ -136,38 +144,42 @@ def tracks(
         grippers_m = known_grippers_m(gripper, "depth")
         with open_bag(bag) as opened:
             read = DepthImages(opened, frames, shape, depth_reading(camera))
-            images, reasons = _usable(read, stamps_ns, grippers_m)
-        kept = list(images)
-        ends_m = np.array([grippers_m[frame] for frame in kept]).reshape(-1, 3)
-        rest = params.rest(ends_m)
-        if rest is not None:
-            stamps = np.array([stamps_ns[frame] for frame in kept], np.int64)
-            start = _starts(points, [kept[row] for row in rest], ends_m[rest].mean(axis=0), numbers)
-            found = _follow(list(images.values()), stamps, ends_m, rest, start, intrinsics, params)
+            kept, reasons = _usable(read, stamps_ns, grippers_m)
+            ends_m = np.array([grippers_m[frame] for frame in kept]).reshape(-1, 3)
+            rest = params.rest(ends_m)
+            if rest is not None:
+                stamps = np.array([stamps_ns[frame] for frame in kept], np.int64)
+                start = _starts(points, [kept[row] for row in rest], ends_m[rest].mean(axis=0), numbers)
+                found = _follow(read, kept, stamps, ends_m, rest, start, intrinsics, params)
     return {"tracks": TRACKS.table(_columns(stamps_ns, kept, found, reasons, numbers))}
 
 
 def _usable(
     read: DepthImages, stamps_ns: dict[int, int], grippers_m: dict[int, tuple[float, float, float]]
-) -> tuple[dict[int, DepthImage], dict[int, TrackReason]]:
-    """Return the images that can be followed, by frame, and why others cannot."""
+) -> tuple[list[int], dict[int, TrackReason]]:
+    """Return the images that can be followed, and why others cannot."""
     import numpy as np
 
     from garment_dataset.vision.kinematics import increasing
 
-    images: dict[int, DepthImage] = {}
     reasons: dict[int, TrackReason] = {}
+    usable: list[int] = []
     for frame, depth_mm in read:
         if depth_mm is None or frame not in grippers_m:
             reasons[frame] = "image_size" if depth_mm is None else "no_gripper"
         else:
-            images[frame] = np.array(depth_mm)
-    stamps = np.array([stamps_ns[frame] for frame in images], np.int64)
-    for frame, later in zip(list(images), increasing(stamps).tolist() if images else [], strict=True):
-        if not later:
+            usable.append(frame)
+    later = increasing(np.array([stamps_ns[frame] for frame in usable], np.int64)).tolist() if usable else []
+    for frame, is_later in zip(usable, later, strict=True):
+        if not is_later:
             reasons[frame] = "stamp"
-            del images[frame]
-    return images, reasons
+    return [frame for frame in usable if frame not in reasons], reasons
+
+
+def _images(read: DepthImages, wanted: list[int]) -> Iterator[DepthImage]:
+    """Yield some images; each holds until the next."""
+    numbers = set(wanted)
+    yield from (depth_mm for frame, depth_mm in read if frame in numbers and depth_mm is not None)
 
 
 def _starts(
@@ -192,7 +204,8 @@ def _starts(
 
 
 def _follow(
-    images: list[DepthImage],
+    read: DepthImages,
+    kept: list[int],
     stamp_ns: IntArray,
     ends_m: FloatArray,
     rest: IntArray,
@@ -200,16 +213,18 @@ def _follow(
     intrinsics: Intrinsics,
     params: TracksParams,
 ) -> Tracks | TrackReason:
+    import numpy as np
+
     from garment_dataset.vision.cloth.sight import Reading
     from garment_dataset.vision.cloth.tracks import follow
     from garment_dataset.vision.depth.flat_field import column_offsets, inverse_depth_table
 
-    some = images[:: max(len(images) // params.flat_field_frames, 1)]
+    some = [np.array(image) for image in _images(read, kept[:: max(len(kept) // params.flat_field_frames, 1)])]
     table_per_m, on_ladder = inverse_depth_table(some)
     offset = column_offsets(some, table_per_m, beyond_m=params.flat_field_beyond_m) if on_ladder else None
     reading = Reading(table_per_m, offset, params.band_half_width_m, params.reach_m)
     time_s = (stamp_ns - stamp_ns[0]) / 1e9
-    found = follow(images, time_s, ends_m, rest, *start, intrinsics, reading, params.warp_settings())
+    found = follow(_images(read, kept), time_s, ends_m, rest, *start, intrinsics, reading, params.warp_settings())
     return "no_garment" if found is None else found
 
 

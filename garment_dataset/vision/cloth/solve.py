@@ -100,16 +100,23 @@ def _together(
     for place in range(3):
         own[place : frames - 2 + place] += weights[:, place] ** 2
 
-    inverses = np.empty_like(matrices)
+    # they only make the steps good ones, for which half the digits do
+    inverses = np.empty(matrices.shape, np.float32)
     for frame in range(frames):
         inverses[frame] = np.linalg.inv(matrices[frame] + own[frame] * np.eye(unknowns))
+
+    def improved(values: FloatArray) -> FloatArray:
+        scale = float(np.abs(values).max()) or 1.0
+        there = np.matmul(inverses, (values / scale).astype(np.float32)[:, :, None])[:, :, 0]
+        result: FloatArray = scale * there.astype(np.float64)
+        return result
 
     def product(values: FloatArray) -> FloatArray:
         there: FloatArray = np.matmul(matrices, values[:, :, None])[:, :, 0]
         return there + _spread_back(weights, _accelerations(weights, values), frames)
 
     step, residual = np.zeros_like(state), downhill
-    direction = conditioned = np.matmul(inverses, residual[:, :, None])[:, :, 0]
+    direction = conditioned = improved(residual)
     power = first = float((residual * conditioned).sum())
     for _ in range(_CONJUGATE_STEPS):
         if power <= _TOLERANCE**2 * first:
@@ -118,7 +125,7 @@ def _together(
         length = power / float((direction * moved).sum())
         step = step + length * direction
         residual = residual - length * moved
-        conditioned = np.matmul(inverses, residual[:, :, None])[:, :, 0]
+        conditioned = improved(residual)
         power, last = float((residual * conditioned).sum()), power
         direction = conditioned + power / last * direction
     return controls_m + step.reshape(frames, 3, size).transpose(0, 2, 1)

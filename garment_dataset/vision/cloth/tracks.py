@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from garment_dataset.vision.cloth.patch import patch_at_rest
-from garment_dataset.vision.cloth.sight import look, sample
+from garment_dataset.vision.cloth.relief import fold_std_m, relief_m
+from garment_dataset.vision.cloth.sight import look, sample, trimmed
 from garment_dataset.vision.cloth.solve import carry
 from garment_dataset.vision.cloth.warp import Warp
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable
 
     from garment_dataset.arrays import BoolArray, DepthImage, FloatArray, IntArray
     from garment_dataset.vision.cloth.sight import Reading, Sight
@@ -74,7 +75,7 @@ def frames_at_rest(gripper_m: FloatArray, *, threshold_m: float, margin: int, mo
 
 
 def follow(
-    images: Sequence[DepthImage],
+    images: Iterable[DepthImage],
     time_s: FloatArray,
     grippers_m: FloatArray,
     rest: IntArray,
@@ -88,8 +89,8 @@ def follow(
 
     Parameters
     ----------
-    images : sequence of (H, W) uint16, length T
-        In millimetres, by time.
+    images : iterable of (H, W) uint16, length T
+        In millimetres, by time. Taken once; no more than those at rest are kept.
     time_s : (T,) float64
         Ascending, all different.
     grippers_m : (T, 3) float64
@@ -110,10 +111,14 @@ def follow(
     Tracks or None
         None when no garment is seen at rest.
     """
-    sights = [look(image, intrinsics, gripper_m, reading) for image, gripper_m in zip(images, grippers_m, strict=True)]
-    # the gripper rests, so that all crops are the first one's but for its noise
-    still = [look(images[frame], intrinsics, grippers_m[rest].mean(axis=0), reading) for frame in rest]
-    patch = patch_at_rest(still, grippers_m[rest].mean(axis=0), intrinsics, reach_m=reading.reach_m)
+    at_rest_m, resting = grippers_m[rest].mean(axis=0), set(rest.tolist())
+    sights, still = [], []
+    for frame, (image, gripper_m) in enumerate(zip(images, grippers_m, strict=True)):
+        sights.append(trimmed(look(image, intrinsics, gripper_m, reading)))
+        if frame in resting:
+            # the gripper rests, so that all crops are the first one's but for its noise
+            still.append(look(image, intrinsics, at_rest_m, reading))
+    patch = patch_at_rest(still, at_rest_m, intrinsics, reach_m=reading.reach_m)
     if patch is None:
         return None
     warp = Warp(patch, sights, grippers_m, intrinsics, settings)
@@ -123,7 +128,10 @@ def follow(
     moved_m = np.stack([blend.apply(own) for own in controls_m])
     position_m = start_m + moved_m + grippers_m[:, None]
     own_std_m = np.stack([warp.std_m(frame, controls_m[frame], blend) for frame in range(time_s.size)])
-    std_m = np.hypot(settings.caution * own_std_m, start_std_m)
+    misfit_m = np.array([warp.misfit_m(frame, own) for frame, own in enumerate(controls_m)])
+    worse_m = np.sqrt(np.maximum(misfit_m**2 - np.nanmean(misfit_m[rest] ** 2), 0.0))
+    folds_m = fold_std_m(*relief_m(patch.places_m, start_m), moved_m, worse_m, settings.fold_share)
+    std_m = np.sqrt((settings.caution * own_std_m) ** 2 + start_std_m**2 + folds_m**2)
     seen = [_seen(position_m[frame], sight, intrinsics) for frame, sight in enumerate(sights)]
     return Tracks(position_m, np.where(known[:, None], std_m, np.nan), np.stack(seen))
 

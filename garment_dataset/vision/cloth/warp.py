@@ -49,6 +49,8 @@ class WarpSettings:
         Distance of the controls.
     caution : float
         By how much errors exceed what these deviations and one frame's image let expect.
+    fold_share : float
+        How uncertain x is because folds roll, see :func:`~garment_dataset.vision.cloth.relief.fold_std_m`.
     alone, together : int
         Gauss-Newton steps of single frames, and of all together.
     """
@@ -63,6 +65,7 @@ class WarpSettings:
     acceleration_m_s2: float = 3.0
     control_step_m: tuple[float, float] = (0.03, 0.04)
     caution: float = 2.0
+    fold_share: float = 0.2
     alone: int = 3
     together: int = 3
 
@@ -138,6 +141,15 @@ class Warp:
         ]
         std_m: FloatArray = np.sqrt(np.stack(variances, axis=1))
         return std_m
+
+    def misfit_m(self, frame: int, controls_m: FloatArray) -> float:
+        """Return how far, root mean square, an image's surface is from the samples that it shows; far ones count less.
+
+        NaN where it shows none.
+        """
+        _, weight, _, residual = self._depth_rows(frame, controls_m, 1.0)
+        away_m = np.minimum(np.abs(residual[weight > 0]), self._settings.depth_cut_m)
+        return float(np.sqrt(np.mean(away_m**2))) if away_m.size else float("nan")
 
     def _depth_rows(
         self, frame: int, controls_m: FloatArray, tempered: float

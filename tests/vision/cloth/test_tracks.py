@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from garment_dataset.vision.cloth.lattice import Lattice, normal_matrix, normal_vector
-from garment_dataset.vision.cloth.sight import Reading
+from garment_dataset.vision.cloth.relief import fold_std_m, relief_m
+from garment_dataset.vision.cloth.sight import Reading, look, sample, trimmed
 from garment_dataset.vision.cloth.solve import second_differences
 from garment_dataset.vision.cloth.tracks import follow, frames_at_rest
 from garment_dataset.vision.cloth.warp import WarpSettings
@@ -187,3 +188,38 @@ def test_accelerations_are_exact_for_parabolas() -> None:
     values = 1 + 2 * time_s + 1.5 * time_s**2
     found = weights[:, 0] * values[:-2] + weights[:, 1] * values[1:-1] + weights[:, 2] * values[2:]
     np.testing.assert_allclose(found, 3.0)
+
+
+def test_folds_make_places_uncertain_as_they_move_and_flat_sheets_do_not() -> None:
+    x_m, y_m = (values.ravel() for values in np.meshgrid(np.linspace(-0.1, 0.1, 21), np.linspace(0, 0.4, 41)))
+    start_m = np.array([[0.0, 0.2, 0.0], [np.nan] * 3])
+    moved_m = np.zeros((3, 2, 3))
+    moved_m[1:, :, 2] = [[0.02], [0.08]]
+    still = np.zeros(3)
+    flat, folded = (
+        fold_std_m(*relief_m(np.column_stack([x_m, y_m, z_m]), start_m), moved_m, still, 0.2)
+        for z_m in (0.1 + 0.3 * x_m - 0.2 * y_m, 0.01 * np.sqrt(2) * np.sin(40 * np.pi * x_m))
+    )
+    np.testing.assert_allclose(flat, 0, atol=1e-8)
+    np.testing.assert_allclose(folded[:, 0, 0], 0.2 * np.sqrt(0.01 * np.array([0, 0.02, 0.08])), rtol=0.05)
+    assert (folded[1:, 0, 2] < folded[1:, 0, 0]).all()
+    assert (folded[:, 1] == 0).all()
+
+
+def test_cloth_that_fits_worse_than_at_rest_is_less_certain() -> None:
+    worse = fold_std_m(np.zeros(1), np.zeros(1), np.zeros((2, 1, 3)), np.array([0.0, 0.003]), 0.2)
+    assert worse[0, 0, 0] == 0
+    assert worse[1, 0, 0] == pytest.approx(0.006)
+
+
+def test_a_trimmed_sight_shows_the_same() -> None:
+    rng = np.random.default_rng(1)
+    whole = look(sheet(0.1), K, GRIPPER_M, READING)
+    part = trimmed(whole)
+    assert part.z_m.size < 0.8 * whole.z_m.size
+    du, dv = np.array(part.corner_px) - whole.corner_px
+    u, v = rng.uniform(0, whole.z_m.shape[1], 500), rng.uniform(0, whole.z_m.shape[0], 500)
+    np.testing.assert_array_equal(sample(whole.z_m, u, v), sample(part.z_m, u - du, v - dv))
+    j, i = np.nonzero(np.isfinite(part.z_m))
+    for before, after in ((whole.before_px, part.before_px), (whole.after_px, part.after_px)):
+        np.testing.assert_array_equal(before[j + dv, i + du] - du, after[j, i])
