@@ -176,7 +176,7 @@ def test_missing_points_stay_missing_and_are_passed_over() -> None:
     gone = rows["frame"].isin(missing) & (rows["point"] > 0)
     assert rows.loc[gone, "reason"].tolist() == [reason for reason in missing.values() for _ in range(POINT_COUNT)]
     assert rows.loc[~gone, "reason"].isna().all()
-    known = ["frame", "stamp_ns", "point", "time_s", "time_std_s", "pixels", "reason"]
+    known = ["frame", "stamp_ns", "point", "time_s", "time_std_s", "pixels", "reason", "source"]
     assert rows[gone].drop(columns=known).isna().all(axis=None)
     assert rows["time_s"].equals(whole["time_s"])
     assert rows.loc[gone, "time_s"].notna().all()
