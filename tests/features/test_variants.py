@@ -55,7 +55,7 @@ def values_of(rows: pd.DataFrame) -> pd.DataFrame:
     """Return the rows in one order and one kind of types, without what stands in paths."""
     left_out = rows.columns.intersection(["garment", "holding", "variant"])
     rows = rows.drop(columns=left_out).sort_values(KEYS, ignore_index=True)
-    texts = ["recording", "axis"]
+    texts = ["recording", "axis", "source"]
     return rows.astype({name: "str" if name in texts else "float64" for name in rows.columns})
 
 
