@@ -11,8 +11,8 @@ from garment_dataset.vision.depth.chain import Chain, Track
 from garment_dataset.vision.depth.cloud import Intrinsics
 from garment_dataset.vision.depth.doubt import ISLAND_SHARE, length_std_m, missing_m, unrest_m
 from garment_dataset.vision.depth.hem import hem_row
+from garment_dataset.vision.depth.pattern import FixedPattern
 from garment_dataset.vision.depth.pieces import doubtful_islands, without_islands
-from garment_dataset.vision.depth.sensor_noise import FixedPattern
 from garment_dataset.vision.depth.support import Support
 from garment_dataset.vision.depth.surfaces import ProfileRows
 from garment_dataset.vision.depth.tracking import divide_track
