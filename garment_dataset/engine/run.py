@@ -30,8 +30,7 @@ if TYPE_CHECKING:
     from garment_dataset.engine.store import Store
 
 
-_READ_AT_ONCE_BYTES = 1 << 16
-"""A source of no more bytes is read sooner than it is handed to a worker."""
+_READ_AT_ONCE_BYTES = 1 << 16  # a source of no more is read sooner than it is handed to a worker
 
 
 class Run:
@@ -217,8 +216,7 @@ class Run:
         interrupted, twins = self._errands.give_up()
         if len(interrupted) == 1 and interrupted[0].node.id in self._suspects:
             node, work = interrupted[0]
-            trouble = Trouble("WorkerDied", "its worker process died twice: killed, or out of memory")
-            self._fail(node, work.key, trouble)
+            self._fail(node, work.key, Trouble("WorkerDied", "its worker died twice: killed, or out of memory"))
         else:
             self._suspects |= {node.id: node for node, _ in interrupted}
         self._look_again(*twins)
@@ -288,9 +286,8 @@ class Run:
         attempts = before.attempts + 1 if before is not None and before.key == key else 1
         known_by = "" if trouble.is_passing else key
         with contextlib.suppress(StorageError):  # a full disk: what is said now has to do
-            self._store.index.set_failure(
-                Failure(*node.id, known_by, trouble.kind, trouble.message, trouble.traceback, attempts)
-            )
+            said = trouble.kind, trouble.message, trouble.traceback
+            self._store.index.set_failure(Failure(*node.id, known_by, *said, attempts))
         self._end(Event(node.id, Ending.FAILED, message=trouble.message))
 
     def _end(self, event: Event, result: Result | None = None) -> None:
