@@ -107,7 +107,8 @@ def trace_material_line(
     first_px, last_px = intrinsics.cy_px + intrinsics.fy_px * profile.y_m[[0, -1]] / profile.z_m[[0, -1]]
     if profile.ends_at_gap or last_px > depth_mm.shape[0] - 1:
         return None
-    v = np.arange(int(np.ceil(first_px)), int(last_px), _ROW_STEP_PX)
+    # the first node is on a row: which one must not depend on how y / z is rounded
+    v = np.arange(int(np.ceil(first_px - 1e-6)), int(last_px + 1e-6), _ROW_STEP_PX)
     if v.size <= 2 * (_X_DEGREE + 1):
         return None
     z_m = np.interp(v, intrinsics.cy_px + intrinsics.fy_px * profile.y_m / profile.z_m, profile.z_m)

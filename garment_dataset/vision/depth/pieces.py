@@ -2,34 +2,38 @@
 
 from __future__ import annotations
 
+import math
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 if TYPE_CHECKING:
-    from garment_dataset.arrays import BoolArray, FloatArray, IntArray
+    from garment_dataset.arrays import BoolArray, DepthImage, FloatArray, IntArray
 
 _ISLAND_ROWS = 5
 """9 mm at 1.07 m."""
 
-_ALONE = 2.0
+_ALONE = 2
 """So many times larger than its neighbours a step is no slope."""
 
 
-def breaks(step: FloatArray | IntArray, jump: float) -> BoolArray:
+def breaks(step: FloatArray | DepthImage, jump: float) -> BoolArray:
     """Return which steps between neighbours, along the last axis, lead to another surface.
 
     Parameters
     ----------
     step : (..., n) array
-        Sizes of the steps.
+        Sizes of the steps; whole numbers stay below 32768.
     jump : float
         A larger step does. One of half that does if it stands alone: on a steep slope its neighbours are alike.
     """
     beside = np.zeros_like(step)
     beside[..., 1:] = step[..., :-1]
     beside[..., :-1] = np.maximum(beside[..., :-1], step[..., 1:])
-    broken: BoolArray = (step > jump) | ((step > jump / 2) & (step > _ALONE * beside))
+    half = jump / 2
+    if step.dtype.kind == "u":  # a comparison with whole numbers stays one of short integers
+        jump, half = math.floor(jump), math.floor(half)
+    broken: BoolArray = (step > jump) | ((step > half) & (step > _ALONE * beside))
     return broken
 
 

@@ -8,27 +8,25 @@ of the cloth or a fold: pixels count as far as they are connected.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields
 from typing import TYPE_CHECKING, Literal
 
-import cv2
 import numpy as np
 
 from garment_dataset.vision.depth.cloud import band_limits_mm, possible_region
 from garment_dataset.vision.depth.hem import hem_row
-from garment_dataset.vision.depth.pieces import breaks, doubtful_islands, pieces, without_islands
-from garment_dataset.vision.depth.surfaces import ProfileRows, Surfaces, fit_surfaces
+from garment_dataset.vision.depth.pieces import doubtful_islands, pieces, without_islands
+from garment_dataset.vision.depth.row_pixels import MEDIAN_PX, Block, gather_rows
+from garment_dataset.vision.depth.surfaces import Cloth, Surfaces, cloth_of, fit_surfaces, joined
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from garment_dataset.arrays import DepthImage, FloatArray, IntArray
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
+    from garment_dataset.vision.depth.surfaces import ProfileRows
 
-_MIN_ROW_PIXELS = 3
 _MIN_ROWS = 5
-_CENTRE_PX = 2
-_MEDIAN_PX = 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -134,19 +132,18 @@ class DepthScale:
     offset_per_m: FloatArray | None = None
 
 
-def trace_profile(
-    depth_mm: DepthImage, intrinsics: Intrinsics, gripper_m: Point, scale: DepthScale, settings: ProfileSettings
-) -> Profile | Literal["no_pixels", "few_pixels", "not_held"]:
-    """Follow the profile through one image.
+def find_profiles(
+    images: Sequence[tuple[DepthImage, Point]], intrinsics: Intrinsics, scale: DepthScale, settings: ProfileSettings
+) -> list[Profile | Literal["no_pixels", "few_pixels", "not_held"]]:
+    """Follow the profile through images, each on its own.
 
     Parameters
     ----------
-    depth_mm : (H, W) uint16
-        Distance along the optical axis in millimetres; 0 means no return.
+    images : sequence of ((H, W) uint16, (x, y, z))
+        Distance along the optical axis in millimetres, where 0 means no return, and end point of the gripper. Some ten
+        at once take less time than one by one.
     intrinsics : Intrinsics
-        Of this image.
-    gripper_m : (x, y, z)
-        End point of the gripper.
+        Of these images.
     scale : DepthScale
         Of the recording.
     settings : ProfileSettings
@@ -154,13 +151,43 @@ def trace_profile(
 
     Returns
     -------
-    Profile or str
+    list of Profile or str
         ``no_pixels`` when the band is empty below the gripper, ``few_pixels`` when no five rows show cloth,
         ``not_held`` when the first that does is too far from the end point.
     """
+    looked = [_look(depth_mm, intrinsics, gripper_m, scale, settings) for depth_mm, gripper_m in images]
+    seen = [each for each in looked if isinstance(each, _Seen)]
+    if not seen:
+        return [each for each in looked if not isinstance(each, _Seen)]
+    surfaces = fit_surfaces(joined([each.cloth for each in seen]), intrinsics, settings.windows_px)
+    stops = np.cumsum([each.cloth.row.size for each in seen])[:-1]
+    profiles = (_profile(each, own, intrinsics) for each, own in zip(seen, _split(surfaces, stops), strict=True))
+    return [next(profiles) if isinstance(each, _Seen) else each for each in looked]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Seen:
+    """What one image shows before surfaces are fitted.
+
+    ``spread_per_m``, (k,), is the sample standard deviation of inverse depth in the pixels of each row of cloth, NaN
+    for fewer than two; ``last_v``, ``last_std_px`` are the row where the garment ends and its standard uncertainty.
+    """
+
+    cloth: Cloth
+    spread_per_m: FloatArray
+    last_v: float
+    last_std_px: float
+    ends_at_gap: bool
+    islands_m: FloatArray
+
+
+def _look(
+    depth_mm: DepthImage, intrinsics: Intrinsics, gripper_m: Point, scale: DepthScale, settings: ProfileSettings
+) -> _Seen | Literal["no_pixels", "few_pixels", "not_held"]:
+    """Find the rows of one image that show the profile."""
     band_mm = band_limits_mm(gripper_m[2], settings.band_half_width_m)
     reach_px = settings.windows_px[-1][0]
-    reach_m = (reach_px + _MEDIAN_PX) * (gripper_m[2] + settings.band_half_width_m) / intrinsics.fx_px
+    reach_m = (reach_px + MEDIAN_PX) * (gripper_m[2] + settings.band_half_width_m) / intrinsics.fx_px
     top_m = (gripper_m[0], gripper_m[1] + settings.clearance_m, gripper_m[2])
     lines, columns = possible_region((depth_mm.shape[0], depth_mm.shape[1]), intrinsics, top_m, band_mm, reach_m)
     block = depth_mm[lines, columns]
@@ -168,10 +195,15 @@ def trace_profile(
     if not inside.any():
         return "no_pixels"
     masked = np.where(inside, block, np.uint16(0))
-    added = np.zeros(1) if scale.offset_per_m is None else scale.offset_per_m
-    offset = np.broadcast_to(added, depth_mm.shape)[lines, columns]
-    seen = _Block(masked, lines.start, columns.start, scale.table_per_m, offset)
-    rows = _gather(seen, intrinsics, gripper_m, settings.jump_m, reach_px)
+    added = np.zeros(depth_mm.shape[1]) if scale.offset_per_m is None else scale.offset_per_m
+    offset = added[None, columns] if added.ndim == 1 else np.ascontiguousarray(added[lines, columns])
+    rows = gather_rows(
+        Block(masked, lines.start, columns.start, scale.table_per_m, offset),
+        intrinsics,
+        gripper_m,
+        settings.jump_m,
+        reach_px,
+    )
     below = (rows.v - intrinsics.cy_px) / intrinsics.fy_px * np.nan_to_num(rows.middle_m) >= top_m[1]
     index, ends_at_gap = _linked(np.flatnonzero(rows.filled & below), rows, intrinsics, settings.max_gap_m)
     if index.size < _MIN_ROWS:
@@ -182,75 +214,10 @@ def trace_profile(
     island, way_m = doubtful_islands(whole, index, rows.middle_m, settings.jump_m)
     island_y_m = (rows.v[island] - intrinsics.cy_px) / intrinsics.fy_px * rows.middle_m[island]
     piece = pieces(rows.middle_m[index], settings.jump_m)
-    surfaces = fit_surfaces(rows, index, piece, intrinsics, gripper_m[0], settings.windows_px)
+    cloth = cloth_of(rows, index, piece, gripper_m[0], settings.windows_px)
     last_v, last_std_px = hem_row(block, rows, index[-1], settings.jump_m) or (depth_mm.shape[0] - 0.5, 0.0)
-    profile = _profile(_Rows(rows, index, piece), surfaces, last_v, intrinsics, ends_at_gap=ends_at_gap)
-    end_std_m = last_std_px / intrinsics.fy_px * float(profile.z_m[-1])
-    return replace(profile, islands_m=np.stack([island_y_m, way_m]), end_std_m=end_std_m)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Block:
-    """The part of an image in which the garment can be: 0 outside of the band."""
-
-    masked_mm: DepthImage
-    first_row: int
-    first_column: int
-    table_per_m: FloatArray
-    offset_per_m: FloatArray
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Rows:
-    """The rows of a block that show the profile, and the pieces they belong to."""
-
-    all: ProfileRows
-    index: IntArray
-    piece: IntArray
-
-
-def _gather(block: _Block, intrinsics: Intrinsics, gripper_m: Point, jump_m: float, half: int) -> ProfileRows:
-    """Collect the pixels of every row that are connected to the profile's column, up to ``half`` columns away."""
-    smooth_mm = np.asarray(cv2.medianBlur(np.ascontiguousarray(block.masked_mm), _MEDIAN_PX), np.uint16)
-    row = np.arange(smooth_mm.shape[0])
-    last_column = smooth_mm.shape[1] - 1
-    column_px = _profile_column(smooth_mm, intrinsics.cx_px - block.first_column, intrinsics.fx_px, gripper_m)
-    columns = np.rint(column_px).astype(np.int32)[:, None] + np.arange(-half, half + 1, dtype=np.int32)
-    inside = (columns >= 0) & (columns <= last_column)
-    np.clip(columns, 0, last_column, out=columns)
-    pixel = columns + row.astype(np.int32)[:, None] * np.int32(last_column + 1)
-    around_mm = smooth_mm.ravel().take(pixel).astype(np.int32)
-    own_mm = block.masked_mm.ravel().take(pixel)
-    connected = inside & (around_mm > 0)
-    step = ~breaks(np.abs(around_mm[:, 1:] - around_mm[:, :-1]), 1000 * jump_m)
-    connected[:, half + 1 :] &= np.logical_and.accumulate(step[:, half:], axis=1)
-    connected[:, :half] &= np.logical_and.accumulate(step[:, half - 1 :: -1], axis=1)[:, ::-1]
-    connected &= connected[:, half : half + 1]
-    connected &= np.abs(own_mm - around_mm) <= 2000 * jump_m
-    inverse = block.table_per_m[own_mm]
-    weight = (connected & (inverse > 0)).astype(np.float64)
-    near = weight[:, half - _CENTRE_PX : half + _CENTRE_PX + 1].any(axis=1)
-    return ProfileRows(
-        v=(row + block.first_row).astype(np.float64),
-        weight=weight,
-        inverse=weight * (inverse - block.offset_per_m.ravel().take(pixel)),
-        shift_px=np.rint(column_px) - column_px,
-        column_px=column_px,
-        middle_m=np.where(around_mm[:, half] > 0, around_mm[:, half] / 1000, np.nan),
-        filled=near & (weight.sum(axis=1) >= _MIN_ROW_PIXELS),
-    )
-
-
-def _profile_column(smooth_mm: DepthImage, centre_px: float, fx_px: float, gripper_m: Point) -> FloatArray:
-    """Return where the plane x = x_gripper meets the surface in every row of a block, in columns of the block."""
-    row, last_column = np.arange(smooth_mm.shape[0]), smooth_mm.shape[1] - 1
-    middle_m = np.full(row.size, gripper_m[2])
-    for _ in range(2):
-        column = np.clip(np.rint(centre_px + fx_px * gripper_m[0] / middle_m).astype(np.int64), 0, last_column)
-        found_mm = smooth_mm[row, column]
-        middle_m = np.where(found_mm > 0, found_mm / 1000, middle_m)
-    column_px: FloatArray = centre_px + fx_px * gripper_m[0] / middle_m
-    return column_px
+    spread_per_m = _spread(rows.weight[index], rows.inverse[index])
+    return _Seen(cloth, spread_per_m, last_v, last_std_px, ends_at_gap, np.stack([island_y_m, way_m]))
 
 
 def _reach_m(rows: ProfileRows, first: int, intrinsics: Intrinsics, gripper_m: Point) -> float:
@@ -268,16 +235,21 @@ def _linked(index: IntArray, rows: ProfileRows, intrinsics: Intrinsics, max_gap_
     return (index, False) if too_long.size == 0 else (index[: too_long[0] + 1], True)
 
 
-def _profile(rows: _Rows, surfaces: Surfaces, last_v: float, intrinsics: Intrinsics, *, ends_at_gap: bool) -> Profile:
+def _split(surfaces: Surfaces, stops: IntArray) -> list[Surfaces]:
+    """Return the surfaces of each image."""
+    parts = (np.split(getattr(surfaces, each.name), stops, axis=1) for each in fields(surfaces))
+    return [Surfaces(*own) for own in zip(*parts, strict=True)]
+
+
+def _profile(seen: _Seen, surfaces: Surfaces, intrinsics: Intrinsics) -> Profile:
     """Make nodes of the rows; pieces are drawn out to the middle of what is between them, and the last to the hem."""
-    index, piece = rows.index, rows.piece
-    v = rows.all.v[index]
+    piece, v, last_v = seen.cloth.piece, seen.cloth.v, seen.last_v
     kept = v < last_v - 0.01
     kept[0] = True
     breaks = np.flatnonzero(np.diff(piece) > 0)
     middle = (v[breaks] + v[breaks + 1]) / 2
     source = np.concatenate([np.flatnonzero(kept), breaks, breaks + 1, [np.flatnonzero(kept)[-1]]])
-    measured_m = rows.all.middle_m[index[source]]
+    measured_m = seen.cloth.middle_m[source]
     measured_m[kept.sum() : -1] = np.nan
     at_v = np.concatenate([v[kept], middle, middle, [max(last_v, v[kept][-1])]])
     order = np.lexsort((at_v, piece[source]))
@@ -285,7 +257,7 @@ def _profile(rows: _Rows, surfaces: Surfaces, last_v: float, intrinsics: Intrins
     window_z_m = 1 / (surfaces.inverse[:, source] + surfaces.down[:, source] * (at_v - v[source]))
     z_m = window_z_m[0]
     y_m = (at_v - intrinsics.cy_px) / intrinsics.fy_px * z_m
-    spread_m = _spread_m(rows.all.weight[index], rows.all.inverse[index], surfaces.inverse[0])
+    spread_m = seen.spread_per_m / surfaces.inverse[0] ** 2
     return Profile(
         y_m,
         z_m,
@@ -295,17 +267,19 @@ def _profile(rows: _Rows, surfaces: Surfaces, last_v: float, intrinsics: Intrins
         surfaces.lean[0, source],
         measured_m,
         float(y_m[-1]),
-        ends_at_gap,
+        seen.ends_at_gap,
         window_z_m,
         surfaces.gain[:, source],
         surfaces.pixels[:, source],
+        seen.islands_m,
+        seen.last_std_px / intrinsics.fy_px * float(z_m[-1]),
     )
 
 
-def _spread_m(weight: FloatArray, values: FloatArray, inverse: FloatArray) -> FloatArray:
-    """Return the sample standard deviation of z in the pixels of each row; NaN for fewer than two."""
+def _spread(weight: FloatArray, values: FloatArray) -> FloatArray:
+    """Return the sample standard deviation of the values in each row; NaN for fewer than two."""
     number = weight.sum(axis=1)
     mean = values.sum(axis=1) / number
     variance = (weight * (values - mean[:, None]) ** 2).sum(axis=1) / np.where(number > 1, number - 1, np.nan)
-    spread_m: FloatArray = np.sqrt(variance) / inverse**2
-    return spread_m
+    spread: FloatArray = np.sqrt(variance)
+    return spread

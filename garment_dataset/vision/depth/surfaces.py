@@ -41,6 +41,35 @@ class ProfileRows:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class Cloth:
+    """What is to be known of the rows that show cloth, of one image or of several one after another.
+
+    Parameters
+    ----------
+    image, row : (k,) int64
+        Rising; rows within each image.
+    piece : (k,) int64
+        Which piece of its image's profile each belongs to, rising: no window reaches from one into another.
+    v : (k,) float64
+        Of the row, in pixels.
+    middle_m : (k,) float64
+        Median depth on the profile.
+    gripper_x_m : (k,) float64
+        Where the plane x = x_gripper is.
+    moments : (w, 8, k) float64
+        By window, sums of 1, u to u⁴, and q, u q, u² q over the pixels of the row; u from the profile, in half widths.
+    """
+
+    image: IntArray
+    row: IntArray
+    piece: IntArray
+    v: FloatArray
+    middle_m: FloatArray
+    gripper_x_m: FloatArray
+    moments: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class Surfaces:
     """What the surfaces around the rows of a profile say of it, one row of each array per surface.
 
@@ -65,28 +94,48 @@ class Surfaces:
     gain: FloatArray
 
 
-def fit_surfaces(
-    rows: ProfileRows,
-    index: IntArray,
-    piece: IntArray,
-    intrinsics: Intrinsics,
-    gripper_x_m: float,
-    windows_px: Sequence[tuple[int, int]],
-) -> Surfaces:
-    r"""Fit second-order surfaces to the windows around every row.
+def cloth_of(
+    rows: ProfileRows, index: IntArray, piece: IntArray, gripper_x_m: float, windows_px: Sequence[tuple[int, int]]
+) -> Cloth:
+    """Sum up the rows of one image.
 
     Parameters
     ----------
     rows : ProfileRows
         Pixels of all rows.
-    index : (k,) int64
-        The rows that show cloth.
-    piece : (k,) int64
-        Which piece of the profile each belongs to, rising: no window reaches from one into another.
-    intrinsics : Intrinsics
-        Of the image.
+    index, piece : (k,) int64
+        The rows that show cloth, and the pieces they belong to.
     gripper_x_m : float
         Where the plane x = x_gripper is.
+    windows_px : sequence of (int, int)
+        Half widths and half heights.
+    """
+    moments = np.stack([row_moments(rows, half_width) for half_width, _ in windows_px])[:, :, index]
+    same = np.zeros(index.size, dtype=np.int64)
+    x_m = np.full(index.size, gripper_x_m)
+    return Cloth(same, index, piece, rows.v[index], rows.middle_m[index], x_m, moments)
+
+
+def joined(cloths: Sequence[Cloth]) -> Cloth:
+    """Put the rows of several images one after another."""
+    image = np.repeat(np.arange(len(cloths)), [cloth.row.size for cloth in cloths])
+    row, piece, v, middle_m, gripper_x_m = (
+        np.concatenate([getattr(cloth, name) for cloth in cloths])
+        for name in ("row", "piece", "v", "middle_m", "gripper_x_m")
+    )
+    moments = np.concatenate([cloth.moments for cloth in cloths], axis=2)
+    return Cloth(image, row, piece, v, middle_m, gripper_x_m, moments)
+
+
+def fit_surfaces(cloth: Cloth, intrinsics: Intrinsics, windows_px: Sequence[tuple[int, int]]) -> Surfaces:
+    r"""Fit second-order surfaces to the windows around every row.
+
+    Parameters
+    ----------
+    cloth : Cloth
+        The k rows that show cloth. Of several images at once: each gets the same surfaces as alone.
+    intrinsics : Intrinsics
+        Of the images.
     windows_px : sequence of (int, int)
         Half widths and half heights, w of them.
 
@@ -101,100 +150,110 @@ def fit_surfaces(
     curvatures about 20 / m. That matters where a window holds few pixels. The sums over a window are differences of
     running sums of the rows' moments, so that its size costs nothing.
     """
-    first = index[np.searchsorted(piece, piece, side="left")]
-    stop = index[np.searchsorted(piece, piece, side="right") - 1] + 1
-    usable = np.zeros(rows.v.size, dtype=np.bool_)
-    usable[index] = True
-    middle_m = rows.middle_m[index]
     fits = []
-    for half_px in windows_px:
-        half_width, half_height = half_px
-        low, high = np.maximum(index - half_height, first), np.minimum(index + half_height + 1, stop)
-        moments = _row_moments(rows, usable, half_width)
-        normal, right = _normal_equations(moments, rows.v / half_height, index, low, high)
-        prior = _prior(half_px, middle_m, intrinsics)
+    for half_px, moments in zip(windows_px, cloth.moments, strict=True):
+        normal, right = _normal_equations(moments, cloth, half_px[1])
+        prior = _prior(half_px, cloth.middle_m, intrinsics)
         fits.append(_solve(normal, right, prior, half_px))
     # the terms of first order come first: a plane in the largest window costs no more sums
-    fits.append(_solve(normal[:, :3, :3], right[:, :3], prior[:, :3], windows_px[-1]))
+    fits.append(_solve(normal[:3, :3], right[:3], prior[:3], windows_px[-1]))
     at_column, across, down, pixels, gain = (np.stack(part) for part in zip(*fits, strict=True))
     # u - c_x = f_x x_g q and q = a + b (u - u_0), u_0 the column at which a holds
-    offset_px = intrinsics.fx_px * gripper_x_m / middle_m
-    inverse = (at_column - across * offset_px) / (1 - across * intrinsics.fx_px * gripper_x_m)
+    offset_px = intrinsics.fx_px * cloth.gripper_x_m / cloth.middle_m
+    inverse = (at_column - across * offset_px) / (1 - across * intrinsics.fx_px * cloth.gripper_x_m)
     lean = -across * intrinsics.fx_px / (inverse - across * offset_px)
     return Surfaces(inverse, down, lean, np.rint(pixels).astype(np.int64), gain)
 
 
-def _row_moments(rows: ProfileRows, usable: BoolArray, half_width: int) -> FloatArray:
+def row_moments(rows: ProfileRows, half_width: int) -> FloatArray:
     """Sum 1, u to u⁴, and q, u q, u² q over the pixels of each row, (8, n); u from the profile, in half widths."""
     reach = (rows.weight.shape[1] - 1) // 2
     inside = slice(reach - half_width, reach + half_width + 1)
     step = np.arange(-half_width, half_width + 1, dtype=np.float64) / half_width
     powers = step[:, None] ** np.arange(5)
-    ones, values = rows.weight[:, inside] @ powers, rows.inverse[:, inside] @ powers[:, :3]
+    moments = np.empty((8, rows.v.size))
+    moments[:5] = (rows.weight[:, inside] @ powers).T
+    moments[5:] = (rows.inverse[:, inside] @ powers[:, :3]).T
     # the pixels lie at whole columns, the profile between two
     shift = rows.shift_px / half_width
-    sums = np.concatenate([_shifted(ones.T, shift), _shifted(values.T, shift)])
-    moments: FloatArray = sums * usable
+    _shift(moments[:5], shift)
+    _shift(moments[5:], shift)
     return moments
 
 
-def _shifted(sums: FloatArray, shift: FloatArray) -> FloatArray:
-    """Return the sums of (u + shift)^p from those of u^p, (p, n)."""
-    result = np.zeros_like(sums)
-    for power in range(sums.shape[0]):
-        choose = 1.0
-        for lower in range(power, -1, -1):
-            result[power] += choose * shift ** (power - lower) * sums[lower]
-            choose = choose * lower / (power - lower + 1)
-    return result
+def _shift(sums: FloatArray, shift: FloatArray) -> None:
+    """Make sums of (u + shift)^p of those of u^p, (p, n), in place: Pascal's triangle, one row after another."""
+    for power in range(1, sums.shape[0]):
+        sums[power:] += shift * sums[power - 1 : -1]
 
 
-def _normal_equations(
-    moments: FloatArray, v: FloatArray, index: IntArray, low: IntArray, high: IntArray
-) -> tuple[FloatArray, FloatArray]:
-    """Return the normal equations of the six terms in the window of every row: (k, 6, 6) and (k, 6)."""
-    order = {(p, s): place for place, (p, s) in enumerate((p, s) for p in range(5) for s in range(5 - p))}
-    own = v - v.mean()
-    powers = own ** np.arange(5)[:, None]
-    columns = [moments[p] * powers[s] for p, s in order]
-    columns += [moments[5 + p] * powers[s] for p, s in _POWERS]
-    sums = np.concatenate([np.zeros((len(columns), 1)), np.cumsum(columns, axis=1)], axis=1)
-    window = sums[:, high] - sums[:, low]
-    away = -own[index]
-    ones = np.empty((len(order), index.size))
-    for p in range(5):
-        block = [order[p, s] for s in range(5 - p)]
-        ones[block] = _shifted(window[block], away)
-    values = np.empty((len(_POWERS), index.size))
-    place = {power: len(order) + i for i, power in enumerate(_POWERS)}
-    for p in range(3):
-        block = [place[p, s] for s in range(3 - p)]
-        values[[i - len(order) for i in block]] = _shifted(window[block], away)
-    table = [[order[p + q, s + t] for q, t in _POWERS] for p, s in _POWERS]
-    return ones[table].transpose(2, 0, 1), values.T
+def _normal_equations(moments: FloatArray, cloth: Cloth, half_height: int) -> tuple[FloatArray, FloatArray]:
+    """Return the normal equations of the six terms in the window of every row: (6, 6, k) and (6, k)."""
+    low, high = _windows(cloth, half_height)
+    start = np.searchsorted(cloth.image, np.arange(cloth.image[-1] + 2))
+    v = cloth.v / half_height
+    own = v - np.repeat(np.add.reduceat(v, start[:-1]) / np.diff(start), np.diff(start))
+    # one line of running sums for every image: they stay small
+    place = np.arange(own.size) - start[cloth.image]
+    line = np.diff(start).max() + 1
+    running = np.zeros((start.size - 1, line))
+    low, high = (cloth.image * line + position - start[cloth.image] for position in (low, high))
+    ones, values = np.empty((5, 5, own.size)), np.empty((3, 3, own.size))
+    for sums, kind in ((ones, moments[:5]), (values, moments[5:])):
+        for p in range(len(sums)):
+            product = kind[p]
+            for s in range(len(sums) - p):
+                running[cloth.image, place + 1] = product
+                along = np.cumsum(running, axis=1).ravel()
+                sums[p, s] = along[high] - along[low]
+                product = product * own
+            _shift(sums[p, : len(sums) - p], -own)
+    table = np.array(_POWERS)
+    across, down = (table[:, None] + table).transpose(2, 0, 1)
+    return ones[across, down], values[table[:, 0], table[:, 1]]
+
+
+def _windows(cloth: Cloth, half_height: int) -> tuple[IntArray, IntArray]:
+    """Return the first of the k rows in the window of each, and the one behind its last."""
+    apart = int(cloth.row.max()) + 2 * half_height + 2
+    row = cloth.image * apart + cloth.row
+    begins = np.diff(cloth.image, prepend=-1) + np.abs(np.diff(cloth.piece, prepend=-1)) > 0
+    piece = np.cumsum(begins) - 1
+    first = np.append(np.flatnonzero(begins), row.size)
+    low = np.maximum(np.searchsorted(row, row - half_height), first[piece])
+    high = np.minimum(np.searchsorted(row, row + half_height, side="right"), first[piece + 1])
+    return low, high
 
 
 def _prior(half_px: tuple[int, int], middle_m: FloatArray, intrinsics: Intrinsics) -> FloatArray:
-    """Return the weight of what is known beforehand of each term, in pixels, (k, 6); of the level nothing is."""
+    """Return the weight of what is known beforehand of each term, in pixels, (6, k); of the level nothing is."""
     noise = LEVEL_SPACING_PER_M * NOISE_LEVELS
     half_m = np.array(half_px)[:, None] * middle_m / np.array([[intrinsics.fx_px], [intrinsics.fy_px]])
     slope_m, bend_m = _STANDARD_SLOPE * half_m, HIDDEN_CURVATURE_PER_M * half_m**2 / 2
     mixed_m = HIDDEN_CURVATURE_PER_M * half_m[0] * half_m[1]
     expected = np.stack([slope_m[0], slope_m[1], bend_m[0], mixed_m, bend_m[1]]) / middle_m**2
-    weight = np.zeros((middle_m.size, 6))
-    weight[:, 1:] = (PIXELS_PER_INDEPENDENT * (noise / expected) ** 2).T
+    weight = np.zeros((6, middle_m.size))
+    weight[1:] = PIXELS_PER_INDEPENDENT * (noise / expected) ** 2
     return weight
 
 
 def _solve(
     normal: FloatArray, right: FloatArray, prior: FloatArray, half_px: tuple[int, int]
 ) -> tuple[FloatArray, FloatArray, FloatArray, FloatArray, FloatArray]:
-    """Return level, slopes across and down in 1/m per pixel, number of pixels, and the level's gain, each (k,)."""
-    pixels = normal[:, 0, 0].copy()
-    damped = normal + prior[:, :, None] * np.eye(prior.shape[1])
-    unit = np.zeros_like(right)
-    unit[:, 0] = 1
-    solved = np.linalg.solve(damped, np.stack([right, unit], axis=2))
-    terms: FloatArray = solved[:, :, 0].astype(np.float64)
-    gain: FloatArray = np.maximum(solved[:, 0, 1], 0).astype(np.float64)
-    return terms[:, 0], terms[:, 1] / half_px[0], terms[:, 2] / half_px[1], pixels, gain
+    """Return level, slopes across and down in 1/m per pixel, number of pixels, and the level's gain, each (k,).
+
+    Terms are eliminated from the last to the first, all rows at once: what is left of the level's own entry is one over
+    its gain, and of the others only the slopes are wanted.
+    """
+    terms = right.shape[0]
+    pixels = normal[0, 0].copy()
+    normal, right = normal.copy(), right.copy()
+    normal[range(terms), range(terms)] += prior
+    for last in range(terms - 1, 0, -1):
+        share = normal[:last, last] / normal[last, last]
+        normal[:last, :last] -= share[:, None] * normal[last, :last]
+        right[:last] -= share * right[last]
+    level = right[0] / normal[0, 0]
+    across = (right[1] - normal[1, 0] * level) / normal[1, 1]
+    down = (right[2] - normal[2, 0] * level - normal[2, 1] * across) / normal[2, 2]
+    return level, across / half_px[0], down / half_px[1], pixels, np.maximum(1 / normal[0, 0], 0)

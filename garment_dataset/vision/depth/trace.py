@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from itertools import islice
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -20,14 +21,14 @@ from garment_dataset.vision.depth.flat_field import column_offsets, column_std_p
 from garment_dataset.vision.depth.hem import doubt_hem
 from garment_dataset.vision.depth.material_line import divide_material_line, smooth_material_lines, trace_material_line
 from garment_dataset.vision.depth.pattern import usual_pattern
-from garment_dataset.vision.depth.profile import DepthScale, Profile, trace_profile
+from garment_dataset.vision.depth.profile import DepthScale, Profile, find_profiles
 from garment_dataset.vision.depth.samples import sample_windows
 from garment_dataset.vision.depth.support import BridgeLimits
 from garment_dataset.vision.depth.tracking import divide_track, track_profiles
 from garment_dataset.vision.depth.uncertainty import ErrorSources, noise_factor
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping, Sequence
 
     from garment_dataset.arrays import DepthImage, FloatArray
     from garment_dataset.vision.depth.chain import Chain, ChainPoints
@@ -36,6 +37,9 @@ if TYPE_CHECKING:
     from garment_dataset.vision.depth.material_line import MaterialLine
     from garment_dataset.vision.depth.pattern import FixedPattern
     from garment_dataset.vision.depth.settings import TrackSettings, WindowSettings
+
+_BATCH_FRAMES = 16
+"""So many images share the calls that fit their surfaces; more would not stay in a processor's cache."""
 
 Reason = Literal[
     "no_gripper",
@@ -206,28 +210,24 @@ def trace_profiles(
     profiles: dict[int, Profile] = {}
     limits = {"band_half_width_m": settings.profile.band_half_width_m, "jump_m": settings.profile.jump_m}
     lines: list[MaterialLine | None] = []
-    for frame, depth_mm in images:
-        if depth_mm is None:
-            traces[frame] = Trace(reason="image_size")
-        elif (gripper_m := grippers_m.get(frame)) is None:
-            traces[frame] = Trace(reason="no_gripper")
-        else:
-            found = trace_profile(depth_mm, intrinsics, gripper_m, scale, settings.profile)
-            if isinstance(found, Profile):
-                profiles[frame] = found
-                band_m = settings.profile.band_half_width_m
-                lines.append(trace_material_line(depth_mm, intrinsics, gripper_m, found, band_half_width_m=band_m))
-                hem = doubt_hem(
-                    depth_mm,
-                    intrinsics,
-                    found.end_m(gripper_m[0]),
-                    gripper_m[2],
-                    ends_at_gap=found.ends_at_gap,
-                    **limits,
-                )
-                traces[frame] = Trace(length_reason=hem)
-            else:
-                traces[frame] = Trace(reason=found)
+    for batch in _batches(images):
+        usable = {frame: depth_mm for frame, depth_mm in batch if depth_mm is not None and frame in grippers_m}
+        several = [(depth_mm, grippers_m[frame]) for frame, depth_mm in usable.items()]
+        found = dict(zip(usable, find_profiles(several, intrinsics, scale, settings.profile), strict=True))
+        for frame, depth_mm in batch:
+            if depth_mm is None or frame not in grippers_m:
+                traces[frame] = Trace(reason="image_size" if depth_mm is None else "no_gripper")
+                continue
+            profile = found[frame]
+            if not isinstance(profile, Profile):
+                traces[frame] = Trace(reason=profile)
+                continue
+            profiles[frame], gripper_m = profile, grippers_m[frame]
+            band_m, gaps = limits["band_half_width_m"], profile.ends_at_gap
+            lines.append(trace_material_line(depth_mm, intrinsics, gripper_m, profile, band_half_width_m=band_m))
+            end_m = profile.end_m(gripper_m[0])
+            hem = doubt_hem(depth_mm, intrinsics, end_m, gripper_m[2], ends_at_gap=gaps, **limits)
+            traces[frame] = Trace(length_reason=hem)
     if not profiles:
         return traces
     pattern = known.pattern or usual_pattern()
@@ -273,6 +273,12 @@ def trace_profiles(
         material_m = None if line is None else divide_material_line(line, track, gripper_m, count)
         traces[frame] = replace(traces[frame], chain=track.chain, points=points, material_m=material_m)
     return traces
+
+
+def _batches(images: Iterable[tuple[int, DepthImage | None]]) -> Iterator[list[tuple[int, DepthImage | None]]]:
+    each = iter(images)
+    while batch := list(islice(each, _BATCH_FRAMES)):
+        yield batch
 
 
 def _measure_scale(

@@ -8,11 +8,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from garment_dataset.vision.depth.cloud import LEVEL_SPACING_PER_M, Intrinsics
+from garment_dataset.vision.depth.cloud import LEVEL_SPACING_PER_M, NOISE_LEVELS, Intrinsics
 from garment_dataset.vision.depth.pattern import FixedPattern
 from garment_dataset.vision.depth.pieces import breaks, pieces, without_islands
 from garment_dataset.vision.depth.profile import Profile
-from garment_dataset.vision.depth.surfaces import ProfileRows, Surfaces, fit_surfaces
+from garment_dataset.vision.depth.support import HIDDEN_CURVATURE_PER_M
+from garment_dataset.vision.depth.surfaces import ProfileRows, Surfaces, cloth_of, fit_surfaces, joined
 from garment_dataset.vision.depth.windows import choose_windows
 
 if TYPE_CHECKING:
@@ -48,8 +49,8 @@ def rows_of(inverse: Callable[[FloatArray, FloatArray], FloatArray], weight: Flo
 
 
 def fitted(rows: ProfileRows, *windows_px: tuple[int, int], piece: NDArray[np.int64] | None = None) -> Surfaces:
-    index = np.arange(ROWS)
-    return fit_surfaces(rows, index, np.zeros(ROWS, np.int64) if piece is None else piece, K, 0.0, windows_px)
+    piece = np.zeros(ROWS, np.int64) if piece is None else piece
+    return fit_surfaces(cloth_of(rows, np.arange(ROWS), piece, 0.0, windows_px), K, windows_px)
 
 
 def level(u: FloatArray, v: FloatArray) -> FloatArray:
@@ -99,7 +100,8 @@ def test_a_leaning_plane_off_the_axis_is_cut_where_the_gripper_is() -> None:
     rows = ProfileRows(
         v, np.ones_like(inverse), inverse, np.zeros(ROWS), np.full(ROWS, column), np.full(ROWS, 1.02), v > 0
     )
-    found = fit_surfaces(rows, np.arange(ROWS), np.zeros(ROWS, np.int64), K, x_m, ((12, 12),))
+    cloth = cloth_of(rows, np.arange(ROWS), np.zeros(ROWS, np.int64), x_m, ((12, 12),))
+    found = fit_surfaces(cloth, K, ((12, 12),))
     np.testing.assert_allclose(found.inverse, 1.0, atol=2e-5)
     np.testing.assert_allclose(found.lean, 0.3, atol=2e-3)
 
@@ -188,3 +190,45 @@ def test_the_stronger_the_pattern_the_more_a_difference_is_taken_for_it() -> Non
     )
     np.testing.assert_allclose(weak, 1.0)
     np.testing.assert_allclose(strong, 1.0015)
+
+
+def test_several_images_at_once_get_the_surfaces_that_least_squares_gives_each() -> None:
+    """Window by window with all of its pixels, as defined: no running sums, and another solver."""
+    rng = np.random.default_rng(7)
+    windows_px = ((4, 3), (10, 8))
+    cloths, expected = [], []
+    for count in (40, 25):
+        weight = (rng.random((count, 25)) < 0.7).astype(np.float64)
+        q = 0.95 + rng.normal(0, 1e-3, weight.shape)
+        v, shift_px = np.arange(count, dtype=np.float64) + 180, rng.uniform(-0.5, 0.5, count)
+        rows = ProfileRows(v, weight, weight * q, shift_px, v * 0 + 320, rng.uniform(1.0, 1.1, count), v > 0)
+        index = np.flatnonzero(rng.random(count) < 0.9)
+        piece = (index > count // 2).astype(np.int64)
+        cloths.append(cloth_of(rows, index, piece, 0.0, windows_px))
+        expected.append([plain_levels(rows, index, piece, window_px) for window_px in windows_px])
+    together = fit_surfaces(joined(cloths), K, windows_px)
+    np.testing.assert_allclose(together.inverse[:2], np.concatenate(expected, axis=1), rtol=0, atol=1e-10)
+    alone = np.concatenate([fit_surfaces(cloth, K, windows_px).inverse for cloth in cloths], axis=1)
+    np.testing.assert_allclose(together.inverse, alone, rtol=0, atol=1e-13)
+
+
+def plain_levels(
+    rows: ProfileRows, index: NDArray[np.int64], piece: NDArray[np.int64], window_px: tuple[int, int]
+) -> list[float]:
+    """Return the level of the surface around each row, by the singular values of all its pixels and of the priors."""
+    (half_width, half_height), reach = window_px, rows.weight.shape[1] // 2
+    levels = []
+    for place, row in enumerate(index):
+        near = index[(piece == piece[place]) & (np.abs(index - row) <= half_height)]
+        u = np.arange(-half_width, half_width + 1) + rows.shift_px[near, None]
+        used = rows.weight[near, reach - half_width : reach + half_width + 1] > 0
+        q = rows.inverse[near, reach - half_width : reach + half_width + 1][used]
+        across, down = (u / half_width)[used], np.broadcast_to((near - row)[:, None] / half_height, u.shape)[used]
+        terms = np.stack([across**0, across, down, across**2, across * down, down**2])
+        half_m = np.array(window_px) * rows.middle_m[row] / 570
+        bend = HIDDEN_CURVATURE_PER_M * np.array([half_m[0] ** 2 / 2, half_m[0] * half_m[1], half_m[1] ** 2 / 2])
+        usual = np.array([half_m[0], half_m[1], *bend]) / rows.middle_m[row] ** 2
+        prior = 5 * NOISE_LEVELS * LEVEL_SPACING_PER_M / usual
+        design = np.concatenate([terms.T, np.diag([0, *prior])])
+        levels.append(float(np.linalg.lstsq(design, np.append(q, np.zeros(6)), rcond=None)[0][0]))
+    return levels
