@@ -8,6 +8,7 @@ import numpy as np
 
 from garment_dataset.vision.depth.cloud import band_limits_mm
 from garment_dataset.vision.depth.hem_line import edge_row
+from garment_dataset.vision.depth.smoothing import middle
 
 if TYPE_CHECKING:
     from garment_dataset.arrays import DepthImage, FloatArray
@@ -48,7 +49,7 @@ def hem_row(block_mm: DepthImage, rows: ProfileRows, last: int, jump_m: float) -
     away_px, lowest, highest = column_ends(block_mm, rows, last, jump_m)
     edge = edge_row(away_px, lowest, highest)
     near = np.abs(away_px) <= _BESIDE_HEM_PX
-    unseen = float(np.median((highest - lowest)[near])) if near.any() else 0.0
+    unseen = middle((highest - lowest)[near]) if near.any() else 0.0
     # a hole at the profile's own column may hide its last rows, but rows that are seen are there
     end = float(last) if edge is None or not -_EARLY_PX <= edge - last <= _HEM_REACH_PX else edge
     return end + 0.5 + float(rows.v[0]), float(unseen / np.sqrt(12))

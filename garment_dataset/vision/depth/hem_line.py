@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from garment_dataset.arrays import FloatArray, IntArray
+    from garment_dataset.arrays import FloatArray
 
 _COST_BOUND = 9.0
 """The most that one column adds: three standard deviations away it is torn, or belongs to something else."""
@@ -57,46 +57,44 @@ def edge_row(away_px: FloatArray, lowest: FloatArray, highest: FloatArray) -> fl
     count = away_px.size
     if count < _LEAST_COLUMNS or away_px[-1] - away_px[0] < _LEAST_SPAN_PX:
         return None
-    first, second = _pairs(away_px)
+    first, second = np.nonzero(away_px - away_px[:, None] >= _LEAST_SPAN_PX)
     slope = (lowest[second] - lowest[first]) / (away_px[second] - away_px[first])
     level = lowest[first] - slope * away_px[first]
-    line = level[:, None] + slope[:, None] * away_px
-    off = (line - np.clip(line, lowest, highest)) / _END_STD_PX
-    unseen = np.clip(line - lowest, 0, highest - lowest)
-    cost = np.cumsum(np.minimum(off**2 + _UNSEEN_COST * unseen, _COST_BOUND), axis=1)
+    # one column after another: running sums along whole rows of memory
+    below = slope * away_px[:, None] + (level - lowest[:, None])
+    unseen = np.minimum(np.maximum(below, 0), (highest - lowest)[:, None])
+    below -= unseen
+    below *= below / _END_STD_PX**2
+    below += _UNSEEN_COST * unseen
+    cost = np.cumsum(np.minimum(below, _COST_BOUND, out=below), axis=0)
     ends = np.stack([away_px, lowest, highest])
-    whole = int(cost[:, -1].argmin())
-    one = _refined(ends, level[whole], slope[whole])
+    whole = int(cost[-1].argmin())
     splits = np.arange(_LEAST_SIDE, count - _LEAST_SIDE + 1)
     if splits.size == 0:
-        return one[0]
-    left, right = cost[:, splits - 1], cost[:, -1:] - cost[:, splits - 1]
-    both = left.min(axis=0) + right.min(axis=0)
+        return _refined(ends, level[whole], slope[whole])
+    left = cost[_LEAST_SIDE - 1 : count - _LEAST_SIDE]
+    right = cost[-1] - left
+    both = left.min(axis=1) + right.min(axis=1)
     best = int(both.argmin())
-    if both[best] + _TIP_PARAMETERS * np.log(count) >= cost[whole, -1]:
-        return one[0]
-    split, sides = int(splits[best]), (int(left[:, best].argmin()), int(right[:, best].argmin()))
+    if both[best] + _TIP_PARAMETERS * np.log(count) >= cost[-1, whole]:
+        return _refined(ends, level[whole], slope[whole])
+    split, sides = int(splits[best]), (int(left[best].argmin()), int(right[best].argmin()))
     if int(np.abs(away_px).argmin()) < split:
-        return _refined(ends[:, :split], level[sides[0]], slope[sides[0]])[0]
-    return _refined(ends[:, split:], level[sides[1]], slope[sides[1]])[0]
+        return _refined(ends[:, :split], level[sides[0]], slope[sides[0]])
+    return _refined(ends[:, split:], level[sides[1]], slope[sides[1]])
 
 
-def _pairs(away_px: FloatArray) -> tuple[IntArray, IntArray]:
-    first, second = np.triu_indices(away_px.size, 1)
-    apart = away_px[second] - away_px[first] >= _LEAST_SPAN_PX
-    return first[apart], second[apart]
-
-
-def _refined(ends: FloatArray, level: float, slope: float) -> tuple[float, float]:
-    """Return level and slope of the least squares through the ends near a line, each where it is nearest."""
+def _refined(ends: FloatArray, level: float, slope: float) -> float:
+    """Return the level of the least squares through the ends near a line, each where it is nearest."""
     for _ in range(_REFINEMENTS):
         line = level + slope * ends[0]
-        nearest = np.clip(line, ends[1], ends[2])
+        nearest = np.minimum(np.maximum(line, ends[1]), ends[2])
         near = np.abs(line - nearest) <= 2 * _END_STD_PX
-        if near.sum() < _LEAST_SIDE - 1:
-            break
         away_px, row = ends[0, near], nearest[near]
-        centred = away_px - away_px.mean()
-        slope = float((centred * row).sum() / max(float((centred**2).sum()), 1e-9))
-        level = float(row.mean() - slope * away_px.mean())
-    return float(level), float(slope)
+        if row.size < _LEAST_SIDE - 1:
+            break
+        middle_px = away_px.sum() / row.size
+        away_px = away_px - middle_px
+        slope = float(away_px @ row / max(float(away_px @ away_px), 1e-9))
+        level = float(row.sum() / row.size - slope * middle_px)
+    return float(level)

@@ -11,10 +11,12 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 
 from garment_dataset.vision.depth.cloud import band_limits_mm
-from garment_dataset.vision.depth.smoothing import adaptive_mean
+from garment_dataset.vision.depth.robust import robust_polynomials
+from garment_dataset.vision.depth.smoothing import adaptive_mean, middle
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -49,7 +51,6 @@ _BULGE_M = 0.03
 _X_DEGREE, _LEAN_DEGREE = 3, 1
 """Of the polynomials over height: a cubic has room for the S of cloth that swings sideways."""
 
-_OUTLIER = 3.0
 _LEAST_FRAMES = 0.5
 """Of the frames with cloth: what only some frames show as a sheet is none."""
 
@@ -76,34 +77,52 @@ class MaterialLine:
     width_m: float
 
 
-def trace_material_line(
-    depth_mm: DepthImage,
-    intrinsics: Intrinsics,
-    gripper_m: Point,
-    profile: Profile,
-    *,
-    band_half_width_m: float,
-) -> MaterialLine | None:
-    """Find the borders of the garment row by row, and their middle.
+def trace_material_lines(
+    images: Sequence[tuple[DepthImage, Point, Profile]], intrinsics: Intrinsics, *, band_half_width_m: float
+) -> list[MaterialLine | None]:
+    """Find the borders of the garment row by row, and their middle, in each of some images.
 
     Parameters
     ----------
-    depth_mm : (H, W) uint16
-        Depth image in millimetres; 0 means no return.
+    images : sequence of ((H, W) uint16, (x, y, z), Profile)
+        Depth in millimetres, where 0 means no return; end point of the gripper; what the image shows of the garment
+        below it.
     intrinsics : Intrinsics
-        Of this image.
-    gripper_m : (x, y, z)
-        End point of the gripper.
-    profile : Profile
-        What the image shows of the garment below it.
+        Of these images.
     band_half_width_m : float
         Depth from the gripper's that is looked at, eq. (5.8).
 
     Returns
     -------
-    MaterialLine or None
+    list of MaterialLine or None
         None when the image does not show a sheet of constant width, whole, in one layer.
     """
+    sheets = [_sheet(*image, intrinsics, band_half_width_m) for image in images]
+    found = [sheet for sheet in sheets if sheet is not None]
+    if not found:
+        return [None] * len(images)
+    below_m, heights_m = [sheet.below_m for sheet in found], np.stack([sheet.heights_m for sheet in found])
+    x_m = robust_polynomials(below_m, [sheet.x_m for sheet in found], _X_DEGREE, heights_m)
+    lean = robust_polynomials(below_m, [sheet.lean for sheet in found], _LEAN_DEGREE, heights_m)
+    lines = iter(zip(x_m, lean, strict=True))
+    return [None if sheet is None else MaterialLine(*next(lines), sheet.width_m) for sheet in sheets]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Sheet:
+    """The middle of a sheet and its lean, (n,), by distance below the end point; where they are wanted, (k,)."""
+
+    below_m: FloatArray
+    x_m: FloatArray
+    lean: FloatArray
+    heights_m: FloatArray
+    width_m: float
+
+
+def _sheet(
+    depth_mm: DepthImage, gripper_m: Point, profile: Profile, intrinsics: Intrinsics, band_half_width_m: float
+) -> _Sheet | None:
+    """Find the rows of one image that show both borders of a sheet of constant width."""
     first_px, last_px = intrinsics.cy_px + intrinsics.fy_px * profile.y_m[[0, -1]] / profile.z_m[[0, -1]]
     if profile.ends_at_gap or last_px > depth_mm.shape[0] - 1:
         return None
@@ -121,17 +140,14 @@ def trace_material_line(
     if not good.any():
         return None
     width_m = np.hypot(x_m[1] - x_m[0], edge_z_m[1] - edge_z_m[0])
-    usual_m = float(np.median(width_m[good]))
+    usual_m = middle(width_m[good])
     good &= np.abs(width_m - usual_m) <= _WIDTH_TOLERANCE * usual_m
     if good.mean() < _LEAST_ROWS:
         return None
     x_m, edge_z_m, below_m = x_m[:, good], edge_z_m[:, good], y_m[good] - gripper_m[1]
     heights_m = np.minimum(_RASTER_M, profile.end_y_m - gripper_m[1])
-    return MaterialLine(
-        robust_polynomial(below_m, x_m.mean(axis=0) - gripper_m[0], _X_DEGREE, heights_m),
-        robust_polynomial(below_m, (edge_z_m[1] - edge_z_m[0]) / (x_m[1] - x_m[0]), _LEAN_DEGREE, heights_m),
-        usual_m,
-    )
+    x_m -= gripper_m[0]
+    return _Sheet(below_m, x_m.mean(axis=0), (edge_z_m[1] - edge_z_m[0]) / (x_m[1] - x_m[0]), heights_m, usual_m)
 
 
 def _borders(rows_mm: DepthImage, cloth: BoolArray, intrinsics: Intrinsics) -> tuple[FloatArray, FloatArray, BoolArray]:
@@ -140,10 +156,11 @@ def _borders(rows_mm: DepthImage, cloth: BoolArray, intrinsics: Intrinsics) -> t
     The line from one border to the other is drawn out from where depth is taken to the borders. Where the sheet is
     turned, the middle of the borders in the image is not the middle of the sheet: the nearer half is wider.
     """
-    last = cloth.shape[1] - 1
-    u = np.stack([cloth.argmax(axis=1), last - cloth[:, ::-1].argmax(axis=1)])
+    last, byte = cloth.shape[1] - 1, cloth.view(np.uint8)
+    u = np.stack([byte.argmax(axis=1), last - np.asarray(cv2.flip(byte, 1)).argmax(axis=1)])
     width_px = u[1] - u[0] + 1
-    good = (np.count_nonzero(cloth, axis=1) >= _LEAST_FILLED * width_px) & (width_px > 4 * _INSET_PX)
+    filled_px = np.asarray(cv2.reduce(byte, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S))[:, 0]
+    good = (filled_px >= _LEAST_FILLED * width_px) & (width_px > 4 * _INSET_PX)
     good &= (u[0] >= _MARGIN_PX) & (u[1] <= last - _MARGIN_PX)
     inside = np.array([[_INSET_PX], [-_INSET_PX]])
     columns = np.clip((u + inside)[:, :, None] + np.arange(-_INSET_HALF_PX, _INSET_HALF_PX + 1), 0, last)
@@ -155,34 +172,6 @@ def _borders(rows_mm: DepthImage, cloth: BoolArray, intrinsics: Intrinsics) -> t
     half_m = (inner_m[1] - inner_m[0]) / 2 * width_px / np.maximum(width_px - 2 * _INSET_PX, 1)
     z_m = inner_m.mean(axis=0) + np.stack([-half_m, half_m])
     return (u - intrinsics.cx_px) / intrinsics.fx_px * z_m, z_m, good
-
-
-def robust_polynomial(below_m: FloatArray, values: FloatArray, degree: int, raster_m: FloatArray) -> FloatArray:
-    """Return the polynomial of least squares through values, outliers left out, on a raster.
-
-    Parameters
-    ----------
-    below_m, values : (n,) float64
-        Where each value was seen, and the value.
-    degree : int
-        Of the polynomial.
-    raster_m : (k,) float64
-        Where its values are wanted.
-
-    Notes
-    -----
-    Heights are scaled to [-1, 1], so that the normal equations of a cubic lose no more than four of sixteen digits.
-    What is farther away than three standard deviations, by the median distance, is left out, twice.
-    """
-    middle_m, half_m = (below_m.max() + below_m.min()) / 2, (below_m.max() - below_m.min()) / 2
-    powers = np.vander((below_m - middle_m) / half_m, degree + 1)
-    kept = np.ones(values.size, dtype=np.bool_)
-    for _ in range(3):
-        used = powers[kept]
-        terms = np.linalg.solve(used.T @ used, used.T @ values[kept])
-        away = np.abs(values - powers @ terms)
-        kept = away <= _OUTLIER * 1.4826 * float(np.median(away)) + 1e-9
-    return np.vander((raster_m - middle_m) / half_m, degree + 1) @ terms
 
 
 def smooth_material_lines(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -39,7 +40,13 @@ def breaks(step: FloatArray | DepthImage, jump: float) -> BoolArray:
 
 def pieces(middle_m: FloatArray, jump_m: float) -> IntArray:
     """Return the numbers, from 0, of the pieces that the rows of a profile are on, (n,), by their depths, (n,)."""
-    return np.concatenate([[0], np.cumsum(breaks(np.abs(np.diff(middle_m)), jump_m))])
+    return np.concatenate([[0], np.cumsum(breaks(np.abs(middle_m[1:] - middle_m[:-1]), jump_m))])
+
+
+def _inner(middle_m: FloatArray, jump_m: float) -> list[tuple[int, int]]:
+    """Return where every piece but the first and the last begins, and where the next one does."""
+    begins: list[int] = (np.flatnonzero(breaks(np.abs(middle_m[1:] - middle_m[:-1]), jump_m)) + 1).tolist()
+    return list(pairwise(begins))
 
 
 def without_islands(index: IntArray, middle_m: FloatArray, jump_m: float) -> IntArray:
@@ -57,10 +64,8 @@ def without_islands(index: IntArray, middle_m: FloatArray, jump_m: float) -> Int
     jump_m : float
         See :func:`breaks`.
     """
-    first = np.flatnonzero(np.diff(pieces(middle_m, jump_m), prepend=-1))
-    stop = np.append(first[1:], middle_m.size)
     kept = np.ones(middle_m.size, dtype=np.bool_)
-    for start, end in zip(first[1:-1].tolist(), stop[1:-1].tolist(), strict=True):
+    for start, end in _inner(middle_m, jump_m):
         if end - start <= _ISLAND_ROWS and abs(middle_m[end] - middle_m[start - 1]) <= jump_m:
             kept[start:end] = False
     return index[kept]
@@ -88,10 +93,8 @@ def doubtful_islands(
         Length of the way to each and back, which the profile has or not.
     """
     depth_m = middle_m[index]
-    first = np.flatnonzero(np.diff(pieces(depth_m, jump_m), prepend=-1))
-    stop = np.append(first[1:], index.size)
     row, way_m = [], []
-    for start, end in zip(first[1:-1].tolist(), stop[1:-1].tolist(), strict=True):
+    for start, end in _inner(depth_m, jump_m):
         before_m, after_m = depth_m[start - 1], depth_m[end]
         left_out = index[start] not in kept
         if left_out or (end - start <= 2 * _ISLAND_ROWS and abs(after_m - before_m) <= jump_m):

@@ -216,8 +216,7 @@ def _look(
     piece = pieces(rows.middle_m[index], settings.jump_m)
     cloth = cloth_of(rows, index, piece, gripper_m[0], settings.windows_px)
     last_v, last_std_px = hem_row(block, rows, index[-1], settings.jump_m) or (depth_mm.shape[0] - 0.5, 0.0)
-    spread_per_m = _spread(rows.weight[index], rows.inverse[index])
-    return _Seen(cloth, spread_per_m, last_v, last_std_px, ends_at_gap, np.stack([island_y_m, way_m]))
+    return _Seen(cloth, _spread(rows)[index], last_v, last_std_px, ends_at_gap, np.stack([island_y_m, way_m]))
 
 
 def _reach_m(rows: ProfileRows, first: int, intrinsics: Intrinsics, gripper_m: Point) -> float:
@@ -276,10 +275,11 @@ def _profile(seen: _Seen, surfaces: Surfaces, intrinsics: Intrinsics) -> Profile
     )
 
 
-def _spread(weight: FloatArray, values: FloatArray) -> FloatArray:
-    """Return the sample standard deviation of the values in each row; NaN for fewer than two."""
-    number = weight.sum(axis=1)
-    mean = values.sum(axis=1) / number
-    variance = (weight * (values - mean[:, None]) ** 2).sum(axis=1) / np.where(number > 1, number - 1, np.nan)
-    spread: FloatArray = np.sqrt(variance)
+def _spread(rows: ProfileRows) -> FloatArray:
+    """Return the sample standard deviation of inverse depth in each row, (n,); NaN for fewer than two pixels."""
+    ones = np.ones(rows.weight.shape[1])
+    number = rows.weight @ ones
+    away = rows.inverse - rows.weight * (rows.inverse @ ones / np.maximum(number, 1))[:, None]
+    square = np.einsum("ij,ij->i", away, away)
+    spread: FloatArray = np.sqrt(square / np.where(number > 1, number - 1, np.nan))
     return spread

@@ -62,14 +62,14 @@ def gather_rows(block: Block, intrinsics: Intrinsics, gripper_m: Point, jump_m: 
     column_px = _profile_column(smooth_mm, intrinsics.cx_px - block.first_column, intrinsics.fx_px, gripper_m)
     middle = np.rint(column_px)
     own_mm, around_mm, offset_per_m = _around(block, smooth_mm, middle.astype(np.int64), half)
-    inverse = block.table_per_m[own_mm]
+    inverse = block.table_per_m.take(own_mm)
     used = _connected(around_mm, 1000 * jump_m)
     used &= own_mm - around_mm + np.uint16(2000 * jump_m) <= np.uint16(4000 * jump_m)
     used &= inverse > 0
     weight = used.astype(np.float64)
     inverse -= offset_per_m
     inverse *= weight
-    near = used[:, half - _CENTRE_PX : half + _CENTRE_PX + 1].any(axis=1)
+    near = weight[:, half - _CENTRE_PX : half + _CENTRE_PX + 1] @ np.ones(2 * _CENTRE_PX + 1) > 0
     return ProfileRows(
         v=np.arange(block.first_row, block.first_row + middle.size, dtype=np.float64),
         weight=weight,
@@ -77,7 +77,7 @@ def gather_rows(block: Block, intrinsics: Intrinsics, gripper_m: Point, jump_m: 
         shift_px=middle - column_px,
         column_px=column_px,
         middle_m=np.where(around_mm[:, half] > 0, around_mm[:, half] / 1000, np.nan),
-        filled=near & (np.count_nonzero(used, axis=1) >= _MIN_ROW_PIXELS),
+        filled=near & (weight @ np.ones(weight.shape[1]) >= _MIN_ROW_PIXELS),
     )
 
 
@@ -112,8 +112,9 @@ def _connected(around_mm: DepthImage, jump_mm: float) -> BoolArray:
     # one column more, so that every row has a break
     ends = np.ones((2, around_mm.shape[0], half + 1), dtype=np.bool_)
     ends[0, :, :-1], ends[1, :, :-1] = broken[:, half - 1 :: -1], broken[:, half:]
-    to_left, to_right = ends.argmax(axis=2)[:, :, None]
-    away = np.arange(-half, half + 1)
+    # short integers: a comparison takes a fraction of the time
+    to_left, to_right = ends.argmax(axis=2)[:, :, None].astype(np.int16)
+    away = np.arange(-half, half + 1, dtype=np.int16)
     connected: BoolArray = (away >= -to_left) & (away <= to_right) & (around_mm > 0)
     connected &= around_mm[:, half : half + 1] > 0
     return connected

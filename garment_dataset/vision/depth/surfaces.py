@@ -154,9 +154,10 @@ def fit_surfaces(cloth: Cloth, intrinsics: Intrinsics, windows_px: Sequence[tupl
     for half_px, moments in zip(windows_px, cloth.moments, strict=True):
         normal, right = _normal_equations(moments, cloth, half_px[1])
         prior = _prior(half_px, cloth.middle_m, intrinsics)
+        # the terms of first order come first: a plane in the same window costs no more sums
+        plane = normal[:3, :3].copy(), right[:3].copy(), prior[:3], half_px
         fits.append(_solve(normal, right, prior, half_px))
-    # the terms of first order come first: a plane in the largest window costs no more sums
-    fits.append(_solve(normal[:3, :3], right[:3], prior[:3], windows_px[-1]))
+    fits.append(_solve(*plane))
     at_column, across, down, pixels, gain = (np.stack(part) for part in zip(*fits, strict=True))
     # u - c_x = f_x x_g q and q = a + b (u - u_0), u_0 the column at which a holds
     offset_px = intrinsics.fx_px * cloth.gripper_x_m / cloth.middle_m
@@ -190,24 +191,23 @@ def _shift(sums: FloatArray, shift: FloatArray) -> None:
 def _normal_equations(moments: FloatArray, cloth: Cloth, half_height: int) -> tuple[FloatArray, FloatArray]:
     """Return the normal equations of the six terms in the window of every row: (6, 6, k) and (6, k)."""
     low, high = _windows(cloth, half_height)
-    start = np.searchsorted(cloth.image, np.arange(cloth.image[-1] + 2))
-    v = cloth.v / half_height
-    own = v - np.repeat(np.add.reduceat(v, start[:-1]) / np.diff(start), np.diff(start))
     # one line of running sums for every image: they stay small
-    place = np.arange(own.size) - start[cloth.image]
-    line = np.diff(start).max() + 1
-    running = np.zeros((start.size - 1, line))
-    low, high = (cloth.image * line + position - start[cloth.image] for position in (low, high))
-    ones, values = np.empty((5, 5, own.size)), np.empty((3, 3, own.size))
-    for sums, kind in ((ones, moments[:5]), (values, moments[5:])):
+    start = np.searchsorted(cloth.image, np.arange(cloth.image[-1] + 2))
+    there = np.arange(np.diff(start).max()) < np.diff(start)[:, None]
+    running = np.zeros((there.shape[0], there.shape[1] + 1))
+    along = running.ravel()
+    low, high = (cloth.image * running.shape[1] + position - start[cloth.image] for position in (low, high))
+    lines, v = np.zeros((8, *there.shape)), np.zeros(there.shape)
+    lines[:, there], v[there] = moments, cloth.v / half_height
+    v -= v.sum(axis=1, keepdims=True) / np.diff(start)[:, None]
+    ones, values = np.empty((5, 5, low.size)), np.empty((3, 3, low.size))
+    for sums, products in ((ones, lines[:5]), (values, lines[5:])):
         for p in range(len(sums)):
-            product = kind[p]
             for s in range(len(sums) - p):
-                running[cloth.image, place + 1] = product
-                along = np.cumsum(running, axis=1).ravel()
-                sums[p, s] = along[high] - along[low]
-                product = product * own
-            _shift(sums[p, : len(sums) - p], -own)
+                np.cumsum(products[p], axis=1, out=running[:, 1:])
+                np.subtract(along.take(high), along.take(low), out=sums[p, s])
+                products[p] *= v
+            _shift(sums[p, : len(sums) - p], -v[there])
     table = np.array(_POWERS)
     across, down = (table[:, None] + table).transpose(2, 0, 1)
     return ones[across, down], values[table[:, 0], table[:, 1]]
@@ -243,11 +243,10 @@ def _solve(
     """Return level, slopes across and down in 1/m per pixel, number of pixels, and the level's gain, each (k,).
 
     Terms are eliminated from the last to the first, all rows at once: what is left of the level's own entry is one over
-    its gain, and of the others only the slopes are wanted.
+    its gain, and of the others only the slopes are wanted. What is given is overwritten.
     """
     terms = right.shape[0]
     pixels = normal[0, 0].copy()
-    normal, right = normal.copy(), right.copy()
     normal[range(terms), range(terms)] += prior
     for last in range(terms - 1, 0, -1):
         share = normal[:last, last] / normal[last, last]

@@ -19,7 +19,7 @@ from garment_dataset.vision.depth.cloud import (
 from garment_dataset.vision.depth.doubt import length_std_m, missing_m, unrest_m
 from garment_dataset.vision.depth.flat_field import column_offsets, column_std_per_m, inverse_depth_table
 from garment_dataset.vision.depth.hem import doubt_hem
-from garment_dataset.vision.depth.material_line import divide_material_line, smooth_material_lines, trace_material_line
+from garment_dataset.vision.depth.material_line import divide_material_line, smooth_material_lines, trace_material_lines
 from garment_dataset.vision.depth.pattern import usual_pattern
 from garment_dataset.vision.depth.profile import DepthScale, Profile, find_profiles
 from garment_dataset.vision.depth.samples import sample_windows
@@ -214,6 +214,7 @@ def trace_profiles(
         usable = {frame: depth_mm for frame, depth_mm in batch if depth_mm is not None and frame in grippers_m}
         several = [(depth_mm, grippers_m[frame]) for frame, depth_mm in usable.items()]
         found = dict(zip(usable, find_profiles(several, intrinsics, scale, settings.profile), strict=True))
+        sheets: list[tuple[DepthImage, Point, Profile]] = []
         for frame, depth_mm in batch:
             if depth_mm is None or frame not in grippers_m:
                 traces[frame] = Trace(reason="image_size" if depth_mm is None else "no_gripper")
@@ -223,11 +224,11 @@ def trace_profiles(
                 traces[frame] = Trace(reason=profile)
                 continue
             profiles[frame], gripper_m = profile, grippers_m[frame]
-            band_m, gaps = limits["band_half_width_m"], profile.ends_at_gap
-            lines.append(trace_material_line(depth_mm, intrinsics, gripper_m, profile, band_half_width_m=band_m))
-            end_m = profile.end_m(gripper_m[0])
+            sheets.append((depth_mm, gripper_m, profile))
+            end_m, gaps = profile.end_m(gripper_m[0]), profile.ends_at_gap
             hem = doubt_hem(depth_mm, intrinsics, end_m, gripper_m[2], ends_at_gap=gaps, **limits)
             traces[frame] = Trace(length_reason=hem)
+        lines += trace_material_lines(sheets, intrinsics, band_half_width_m=limits["band_half_width_m"])
     if not profiles:
         return traces
     pattern = known.pattern or usual_pattern()
