@@ -26,6 +26,9 @@ _FRAMES = (5, 9, 17, 33, 65, 129, 257)
 _CURVES = ((1, 0.04), (2, 0.04), (2, 0.08), (2, 0.12))
 """Degree of a curve, and how much cloth it is drawn up from, in metres. The first tells whether cloth is held."""
 
+_SINGULAR = 1e-12
+"""Share of the largest eigenvalue of normal equations below which one is 0."""
+
 _LEAST_M = 0.02
 _LEAST_ROWS = 8
 
@@ -81,7 +84,7 @@ def follow_hold(profiles: Sequence[Profile], gripper_m: FloatArray, time_s: Floa
     -------
     Hold
     """
-    each_m = np.stack([drawn_up_m(profile, gripper_m[row]) for row, profile in enumerate(profiles)])
+    each_m = drawn_up_m(profiles, gripper_m)
     shared_m = np.array([shared_std_m(profile) for profile in profiles])
     line_m, noise_m = adaptive_mean(time_s, each_m[:, :1], _FRAMES if over_time else (), degree=1)
     held = np.abs(line_m[:, 0]) < _FARTHEST_M
@@ -92,21 +95,32 @@ def follow_hold(profiles: Sequence[Profile], gripper_m: FloatArray, time_s: Floa
     return Hold(np.where(held, past_m, line_m[:, 0]), np.where(held, std_m, noise_m[:, 0]), held)
 
 
-def drawn_up_m(profile: Profile, gripper_m: FloatArray) -> FloatArray:
-    """Return z, relative to the gripper's, of the first cloth drawn up to the height of the end point, (4,).
+def drawn_up_m(profiles: Sequence[Profile], gripper_m: FloatArray) -> FloatArray:
+    """Return z, relative to the gripper's, of the first cloth drawn up to the height of the end point, (T, 4).
 
     By a line through its first 4 cm, and by parabolas through 4, 8 and 12 cm. Of too little cloth the mean, each time.
     """
-    first = profile.piece == 0
-    y_m, z_m = profile.y_m[first] - gripper_m[1], profile.z_m[first] - gripper_m[2]
-    if y_m[-1] - y_m[0] < _LEAST_M or y_m.size < _LEAST_ROWS:
-        return np.full(len(_CURVES), z_m[y_m <= y_m[0] + _CURVES[0][1]].mean())
-    near = [y_m <= y_m[0] + reach_m for _, reach_m in _CURVES]
-    fits = [
-        np.polynomial.polynomial.polyfit(y_m[rows], z_m[rows], degree)[0]
-        for rows, (degree, _) in zip(near, _CURVES, strict=True)
-    ]
-    return np.array(fits)
+    size = np.array([np.searchsorted(profile.piece, 1) for profile in profiles])
+    there = np.arange(size.max()) < size[:, None]
+    y_m, z_m = np.zeros(there.shape), np.zeros(there.shape)
+    y_m[there] = np.concatenate([profile.y_m[:count] for profile, count in zip(profiles, size, strict=True)])
+    z_m[there] = np.concatenate([profile.z_m[:count] for profile, count in zip(profiles, size, strict=True)])
+    y_m -= gripper_m[:, 1:2]
+    z_m -= gripper_m[:, 2:3]
+    first_m, last_m = y_m[:, 0], y_m[np.arange(size.size), size - 1]
+    little = (last_m - first_m < _LEAST_M) | (size < _LEAST_ROWS)
+    drawn_m = []
+    for degree, reach_m in _CURVES:
+        near = (there & (y_m <= first_m[:, None] + reach_m)).astype(np.float64)
+        place = (y_m - first_m[:, None]) / reach_m
+        powers = np.stack([near * place**power for power in range(degree + 1)], axis=1)
+        normal, right = powers @ powers.transpose(0, 2, 1), powers @ z_m[:, :, None]
+        # of rows behind a gap there may be too few for the degree: then the curve is the least steep
+        terms = (np.linalg.pinv(normal, rcond=_SINGULAR, hermitian=True) @ right)[:, :, 0]
+        drawn_m.append((terms * (-first_m / reach_m)[:, None] ** np.arange(degree + 1)).sum(axis=1))
+    first = there & (y_m <= first_m[:, None] + _CURVES[0][1])
+    mean_m = (first * z_m).sum(axis=1) / first.sum(axis=1)
+    return np.where(little[:, None], mean_m[:, None], np.stack(drawn_m, axis=1))
 
 
 def shared_std_m(profile: Profile) -> float:
