@@ -60,13 +60,13 @@ def edge_row(away_px: FloatArray, lowest: FloatArray, highest: FloatArray) -> fl
     first, second = np.nonzero(away_px - away_px[:, None] >= _LEAST_SPAN_PX)
     slope = (lowest[second] - lowest[first]) / (away_px[second] - away_px[first])
     level = lowest[first] - slope * away_px[first]
-    # one column after another: running sums along whole rows of memory
     below = slope * away_px[:, None] + (level - lowest[:, None])
     unseen = np.minimum(np.maximum(below, 0), (highest - lowest)[:, None])
     below -= unseen
     below *= below / _END_STD_PX**2
     below += _UNSEEN_COST * unseen
-    cost = np.cumsum(np.minimum(below, _COST_BOUND, out=below), axis=0)
+    # running sums over the columns, by a product: faster than one addition after another
+    cost = np.tri(count) @ np.minimum(below, _COST_BOUND, out=below)
     ends = np.stack([away_px, lowest, highest])
     whole = int(cost[-1].argmin())
     splits = np.arange(_LEAST_SIDE, count - _LEAST_SIDE + 1)

@@ -157,7 +157,7 @@ def _borders(rows_mm: DepthImage, cloth: BoolArray, intrinsics: Intrinsics) -> t
     turned, the middle of the borders in the image is not the middle of the sheet: the nearer half is wider.
     """
     last, byte = cloth.shape[1] - 1, cloth.view(np.uint8)
-    u = np.stack([byte.argmax(axis=1), last - np.asarray(cv2.flip(byte, 1)).argmax(axis=1)])
+    u = np.stack([cloth.argmax(axis=1), last - np.asarray(cv2.flip(byte, 1)).view(np.bool_).argmax(axis=1)])
     width_px = u[1] - u[0] + 1
     filled_px = np.asarray(cv2.reduce(byte, 1, cv2.REDUCE_SUM, dtype=cv2.CV_32S))[:, 0]
     good = (filled_px >= _LEAST_FILLED * width_px) & (width_px > 4 * _INSET_PX)

@@ -29,8 +29,8 @@ def breaks(step: FloatArray | DepthImage, jump: float) -> BoolArray:
         A larger step does. One of half that does if it stands alone: on a steep slope its neighbours are alike.
     """
     beside = np.zeros_like(step)
-    beside[..., 1:] = step[..., :-1]
-    beside[..., :-1] = np.maximum(beside[..., :-1], step[..., 1:])
+    np.maximum(step[..., :-2], step[..., 2:], out=beside[..., 1:-1])
+    beside[..., :1], beside[..., -1:] = step[..., 1:2], step[..., -2:-1]
     half = jump / 2
     if step.dtype.kind == "u":  # a comparison with whole numbers stays one of short integers
         jump, half = math.floor(jump), math.floor(half)

@@ -191,10 +191,10 @@ def _look(
     top_m = (gripper_m[0], gripper_m[1] + settings.clearance_m, gripper_m[2])
     lines, columns = possible_region((depth_mm.shape[0], depth_mm.shape[1]), intrinsics, top_m, band_mm, reach_m)
     block = depth_mm[lines, columns]
-    inside = (block >= band_mm[0]) & (block <= band_mm[1])
+    inside = block - np.uint16(band_mm[0]) <= np.uint16(band_mm[1] - band_mm[0])  # unsigned: one comparison for two
     if not inside.any():
         return "no_pixels"
-    masked = np.where(inside, block, np.uint16(0))
+    masked = block * inside
     added = np.zeros(depth_mm.shape[1]) if scale.offset_per_m is None else scale.offset_per_m
     offset = added[None, columns] if added.ndim == 1 else np.ascontiguousarray(added[lines, columns])
     rows = gather_rows(
@@ -204,7 +204,7 @@ def _look(
         settings.jump_m,
         reach_px,
     )
-    below = (rows.v - intrinsics.cy_px) / intrinsics.fy_px * np.nan_to_num(rows.middle_m) >= top_m[1]
+    below = (rows.v - intrinsics.cy_px) / intrinsics.fy_px * rows.middle_m >= top_m[1]
     index, ends_at_gap = _linked(np.flatnonzero(rows.filled & below), rows, intrinsics, settings.max_gap_m)
     if index.size < _MIN_ROWS:
         return "few_pixels"

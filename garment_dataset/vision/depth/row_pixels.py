@@ -3,18 +3,21 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import cv2
 import numpy as np
-from numpy.lib.stride_tricks import sliding_window_view
 
 from garment_dataset.vision.depth.pieces import breaks
 from garment_dataset.vision.depth.surfaces import ProfileRows
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from garment_dataset.arrays import BoolArray, DepthImage, FloatArray, IntArray
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
+
+_Pixel = TypeVar("_Pixel", bound=np.generic)
 
 _MIN_ROW_PIXELS = 3
 _CENTRE_PX = 2
@@ -58,13 +61,16 @@ def gather_rows(block: Block, intrinsics: Intrinsics, gripper_m: Point, jump_m: 
     ProfileRows
         Of h rows.
     """
-    smooth_mm = np.asarray(cv2.medianBlur(np.ascontiguousarray(block.masked_mm), MEDIAN_PX), np.uint16)
+    smooth_mm = np.asarray(cv2.medianBlur(block.masked_mm, MEDIAN_PX), np.uint16)
     column_px = _profile_column(smooth_mm, intrinsics.cx_px - block.first_column, intrinsics.fx_px, gripper_m)
     middle = np.rint(column_px)
-    own_mm, around_mm, offset_per_m = _around(block, smooth_mm, middle.astype(np.int64), half)
+    # unsigned subtraction wraps: one comparison for two
+    alike = block.masked_mm - smooth_mm + np.uint16(2000 * jump_m) <= np.uint16(4000 * jump_m)
+    alike &= smooth_mm > 0
+    sure = Block(block.masked_mm * alike, block.first_row, block.first_column, block.table_per_m, block.offset_per_m)
+    own_mm, around_mm, offset_per_m = _around(sure, smooth_mm, middle.astype(np.int64), half)
     inverse = block.table_per_m.take(own_mm)
     used = _connected(around_mm, 1000 * jump_m)
-    used &= own_mm - around_mm + np.uint16(2000 * jump_m) <= np.uint16(4000 * jump_m)
     used &= inverse > 0
     weight = used.astype(np.float64)
     inverse -= offset_per_m
@@ -96,37 +102,46 @@ def _around(
     if lack > 0:
         masked_mm, smooth_mm = np.pad(masked_mm, sides), np.pad(smooth_mm, sides, mode="edge")
         offset_per_m = np.pad(offset_per_m, sides)
-    # copies runs of memory, where indices of single pixels would copy them one by one
-    own_mm, around_mm = (
-        sliding_window_view(image_mm, 2 * half + 1, axis=1)[rows, first] for image_mm in (masked_mm, smooth_mm)
-    )
+    own_mm, around_mm = (_runs(image_mm, 2 * half + 1)[rows, first] for image_mm in (masked_mm, smooth_mm))
     line = rows if len(offset_per_m) > 1 else 0
-    return own_mm, around_mm, sliding_window_view(offset_per_m, 2 * half + 1, axis=1)[line, first]
+    return own_mm, around_mm, _runs(offset_per_m, 2 * half + 1)[line, first]
+
+
+def _runs(image: NDArray[_Pixel], size: int) -> NDArray[_Pixel]:
+    """Return a view of all runs of ``size`` pixels, by row and first column, (h, w - size + 1, size).
+
+    They are copied as they lie in memory, where indices of single pixels would copy these one by one.
+    """
+    shape = (image.shape[0], image.shape[1] - size + 1, size)
+    return np.ndarray(shape, image.dtype, image, strides=(*image.strides, image.strides[1]))
 
 
 def _connected(around_mm: DepthImage, jump_mm: float) -> BoolArray:
     """Return which pixels no break parts from the middle one of their row; none where there is nothing."""
-    half = around_mm.shape[1] // 2
-    left, right = around_mm[:, :-1], around_mm[:, 1:]
-    broken = breaks(np.maximum(left, right) - np.minimum(left, right), jump_mm)
-    # one column more, so that every row has a break
-    ends = np.ones((2, around_mm.shape[0], half + 1), dtype=np.bool_)
-    ends[0, :, :-1], ends[1, :, :-1] = broken[:, half - 1 :: -1], broken[:, half:]
-    # short integers: a comparison takes a fraction of the time
-    to_left, to_right = ends.argmax(axis=2)[:, :, None].astype(np.int16)
-    away = np.arange(-half, half + 1, dtype=np.int16)
-    connected: BoolArray = (away >= -to_left) & (away <= to_right) & (around_mm > 0)
-    connected &= around_mm[:, half : half + 1] > 0
+    half, flat_mm = around_mm.shape[1] // 2, around_mm.ravel()
+    # rows are joined end to end, which is fast: no step from one to the next, and a break there
+    step_mm = np.zeros(around_mm.shape, np.uint16)
+    np.maximum(flat_mm[1:], flat_mm[:-1], out=step_mm.ravel()[:-1])
+    step_mm.ravel()[:-1] -= np.minimum(flat_mm[1:], flat_mm[:-1])
+    step_mm[:, -1] = 0
+    broken = breaks(step_mm.ravel(), jump_mm).reshape(step_mm.shape)
+    broken[:, -1] = True
+    column = np.arange(2 * half + 1, dtype=np.int16)  # short integers are compared in a fraction of the time
+    first = (broken[:, :half] * column[1 : half + 1]).max(axis=1)
+    last = np.where(around_mm[:, half] > 0, half + broken[:, half:].argmax(axis=1), -1).astype(np.int16)
+    connected: BoolArray = column >= first[:, None]
+    connected &= column <= last[:, None]
     return connected
 
 
 def _profile_column(smooth_mm: DepthImage, centre_px: float, fx_px: float, gripper_m: Point) -> FloatArray:
     """Return where the plane x = x_gripper meets the surface in every row of a block, in columns of the block."""
-    row, last_column = np.arange(smooth_mm.shape[0]), smooth_mm.shape[1] - 1
+    last_column = smooth_mm.shape[1] - 1
+    row = np.arange(smooth_mm.shape[0]) * smooth_mm.shape[1]
     middle_m = np.full(row.size, gripper_m[2])
     for _ in range(2):
         column = np.clip(np.rint(centre_px + fx_px * gripper_m[0] / middle_m).astype(np.int64), 0, last_column)
-        found_mm = smooth_mm[row, column]
+        found_mm = smooth_mm.ravel().take(row + column)
         middle_m = np.where(found_mm > 0, found_mm / 1000, middle_m)
     column_px: FloatArray = centre_px + fx_px * gripper_m[0] / middle_m
     return column_px

@@ -110,7 +110,7 @@ def cloth_of(
     windows_px : sequence of (int, int)
         Half widths and half heights.
     """
-    moments = np.stack([row_moments(rows, half_width) for half_width, _ in windows_px])[:, :, index]
+    moments = np.stack([row_moments(rows, half_width).take(index, axis=1) for half_width, _ in windows_px])
     same = np.zeros(index.size, dtype=np.int64)
     x_m = np.full(index.size, gripper_x_m)
     return Cloth(same, index, piece, rows.v[index], rows.middle_m[index], x_m, moments)
@@ -171,7 +171,7 @@ def row_moments(rows: ProfileRows, half_width: int) -> FloatArray:
     reach = (rows.weight.shape[1] - 1) // 2
     inside = slice(reach - half_width, reach + half_width + 1)
     step = np.arange(-half_width, half_width + 1, dtype=np.float64) / half_width
-    powers = step[:, None] ** np.arange(5)
+    powers = np.vander(step, 5, increasing=True)
     moments = np.empty((8, rows.v.size))
     moments[:5] = (rows.weight[:, inside] @ powers).T
     moments[5:] = (rows.inverse[:, inside] @ powers[:, :3]).T
@@ -190,16 +190,17 @@ def _shift(sums: FloatArray, shift: FloatArray) -> None:
 
 def _normal_equations(moments: FloatArray, cloth: Cloth, half_height: int) -> tuple[FloatArray, FloatArray]:
     """Return the normal equations of the six terms in the window of every row: (6, 6, k) and (6, k)."""
-    low, high = _windows(cloth, half_height)
-    # one line of running sums for every image: they stay small
-    start = np.searchsorted(cloth.image, np.arange(cloth.image[-1] + 2))
-    there = np.arange(np.diff(start).max()) < np.diff(start)[:, None]
-    running = np.zeros((there.shape[0], there.shape[1] + 1))
+    top = int(cloth.row.min())
+    # one line of running sums for every image: they stay small. Rows that show no cloth add nothing
+    shape = int(cloth.image[-1]) + 1, int(cloth.row.max()) + 1 - top
+    own = cloth.image * shape[1] + cloth.row - top
+    lines, v = np.zeros((8, *shape)), np.zeros(shape)
+    lines.reshape(8, -1)[:, own] = moments
+    v.ravel()[own] = cloth.v / half_height
+    v -= (v.sum(axis=1) / np.bincount(cloth.image))[:, None]
+    running = np.zeros((shape[0], shape[1] + 1))
     along = running.ravel()
-    low, high = (cloth.image * running.shape[1] + position - start[cloth.image] for position in (low, high))
-    lines, v = np.zeros((8, *there.shape)), np.zeros(there.shape)
-    lines[:, there], v[there] = moments, cloth.v / half_height
-    v -= v.sum(axis=1, keepdims=True) / np.diff(start)[:, None]
+    low, high = (cloth.image * running.shape[1] + row - top for row in _windows(cloth, half_height))
     ones, values = np.empty((5, 5, low.size)), np.empty((3, 3, low.size))
     for sums, products in ((ones, lines[:5]), (values, lines[5:])):
         for p in range(len(sums)):
@@ -207,22 +208,19 @@ def _normal_equations(moments: FloatArray, cloth: Cloth, half_height: int) -> tu
                 np.cumsum(products[p], axis=1, out=running[:, 1:])
                 np.subtract(along.take(high), along.take(low), out=sums[p, s])
                 products[p] *= v
-            _shift(sums[p, : len(sums) - p], -v[there])
+            _shift(sums[p, : len(sums) - p], -v.ravel()[own])
     table = np.array(_POWERS)
     across, down = (table[:, None] + table).transpose(2, 0, 1)
     return ones[across, down], values[table[:, 0], table[:, 1]]
 
 
 def _windows(cloth: Cloth, half_height: int) -> tuple[IntArray, IntArray]:
-    """Return the first of the k rows in the window of each, and the one behind its last."""
-    apart = int(cloth.row.max()) + 2 * half_height + 2
-    row = cloth.image * apart + cloth.row
-    begins = np.diff(cloth.image, prepend=-1) + np.abs(np.diff(cloth.piece, prepend=-1)) > 0
-    piece = np.cumsum(begins) - 1
-    first = np.append(np.flatnonzero(begins), row.size)
-    low = np.maximum(np.searchsorted(row, row - half_height), first[piece])
-    high = np.minimum(np.searchsorted(row, row + half_height, side="right"), first[piece + 1])
-    return low, high
+    """Return the first image row in the window of each row, and the one behind its last."""
+    parted = (cloth.image[1:] != cloth.image[:-1]) | (cloth.piece[1:] != cloth.piece[:-1])
+    begins = np.concatenate([[0], np.flatnonzero(parted) + 1, [parted.size + 1]])
+    size = np.diff(begins)
+    first, last = np.repeat(cloth.row[begins[:-1]], size), np.repeat(cloth.row[begins[1:] - 1], size)
+    return np.maximum(cloth.row - half_height, first), np.minimum(cloth.row + half_height, last) + 1
 
 
 def _prior(half_px: tuple[int, int], middle_m: FloatArray, intrinsics: Intrinsics) -> FloatArray:
