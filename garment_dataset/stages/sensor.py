@@ -179,9 +179,12 @@ def _noise(
     nothing = {"noise_reason": "few_frames"}
     if len(rest) < 3 or gripper_m is None:
         return nothing
-    inverse = np.stack([np.where(frame > 0, table[frame], np.nan) for frame in rest])
-    often = np.isfinite(inverse).mean(axis=0) > 0.75
-    depth_m = 1 / np.where(often, np.nanmean(np.where(often, inverse, 1.0), axis=0), np.nan)
+    inverse = [table.take(frame) for frame in rest]
+    count = sum((frame > 0).astype(np.int32) for frame in rest)
+    often = count > 0.75 * len(rest)
+    depth_m = count / np.where(often, sum(inverse), np.nan)
+    for each, frame in zip(inverse, rest, strict=True):
+        each[frame == 0] = np.nan
     near = time_noise(inverse, often & (np.abs(depth_m - gripper_m[2]) < params.reach_m))
     far = time_noise(inverse, often & (depth_m > params.beyond_m))
     limits_mm = [max(int(1000 * (gripper_m[2] + side * params.reach_m)), 1) for side in (-1, 1)]

@@ -39,10 +39,11 @@ def static_inverse(frames: Sequence[DepthImage], table: FloatArray, beyond_m: fl
     (H, W) float64
         In 1/m; NaN elsewhere.
     """
-    total, count = np.zeros(frames[0].shape), np.zeros(frames[0].shape, np.int64)
-    far = min(max(int(1000 * beyond_m), 0), (1 << 16) - 1)
+    total, count = np.zeros(frames[0].shape), np.zeros(frames[0].shape, np.int32)
+    far = table.copy()
+    far[: max(int(1000 * beyond_m), 0) + 1] = 0
     for frame in frames:
-        inverse = np.where(frame > far, table[frame], 0)
+        inverse = far.take(frame)
         total += inverse
         count += inverse > 0
     often = count >= max(1.0, 0.75 * len(frames))

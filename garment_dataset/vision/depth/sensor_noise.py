@@ -7,8 +7,10 @@ between frames in which nothing moves; what does not differ is in :mod:`~garment
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
+import cv2
 import numpy as np
 
 if TYPE_CHECKING:
@@ -17,6 +19,7 @@ if TYPE_CHECKING:
     from garment_dataset.arrays import BoolArray, DepthImage, FloatArray
 
 _FULL = 0.8
+_HALF_PX = 12
 MIN_WINDOWS = 12
 """Fewer means say nothing of how they scatter."""
 
@@ -69,12 +72,12 @@ def level_step_per_m(frames: Sequence[DepthImage], table: FloatArray, near_mm: i
     return float(np.median(np.abs(np.diff(table[often]))))
 
 
-def time_noise(inverse: FloatArray, region: BoolArray) -> TimeNoise | None:
+def time_noise(inverse: Sequence[FloatArray], region: BoolArray) -> TimeNoise | None:
     r"""Measure noise in time on consecutive frames.
 
     Parameters
     ----------
-    inverse : (T, H, W) float64
+    inverse : sequence, length T, of (H, W) float64
         Inverse depth of frames in which nothing moves; NaN where there is none.
     region : (H, W) bool
         Where to look.
@@ -91,21 +94,44 @@ def time_noise(inverse: FloatArray, region: BoolArray) -> TimeNoise | None:
     (1 - \rho)^2`. Pixels per independent one: the variance of the mean of d over 25 x 25 pixels, times their number,
     over that of single pixels.
     """
-    change = np.diff(np.where(region, inverse, np.nan), axis=0)
-    change = np.where(np.abs(change) < _JUMP_PER_M, change, np.nan)
-    known = np.isfinite(change)
-    if len(change) < 2 or known.sum() < _MIN_PAIRS:
+    if len(inverse) < 3 or not region.any():
         return None
-    variance = float(np.mean(change[known] ** 2))
+    part = _around(region)
+    outside = ~region[part]
+    squares, products = np.zeros(2), np.zeros(2)
+    means: list[FloatArray] = []
+    before: FloatArray | None = None
+    for first, second in pairwise(inverse):
+        change = second[part] - first[part]
+        change[outside | ~(np.abs(change) < _JUMP_PER_M)] = np.nan
+        squares += _sum_and_number(change * change)
+        if before is not None:
+            products += _sum_and_number(change * before)
+        means.append(window_means(change, _HALF_PX, _HALF_PX)[0].ravel())
+        before = change
+    if squares[1] < _MIN_PAIRS:
+        return None
+    variance = float(squares[0] / squares[1])
     if variance == 0:
         return TimeNoise(0.0, 0.0, 1.0)
-    following = change[1:] * change[:-1]
-    ratio = float(np.clip(-np.nanmean(following) / variance, 0.05, 0.5))
+    ratio = float(np.clip(-products[0] / products[1] / variance, 0.05, 0.5)) if products[1] else float("nan")
     correlation = 1 - 2 * ratio
-    means = np.concatenate([window_means(each, 12, 12)[0].ravel() for each in change])
-    means = means[np.isfinite(means)]
-    together = 625 * float(np.mean(means**2)) / variance if means.size >= MIN_WINDOWS else 25.0
+    known = np.concatenate(means)
+    known = known[np.isfinite(known)]
+    together = 625 * float(np.mean(known**2)) / variance if known.size >= MIN_WINDOWS else 25.0
     return TimeNoise(float(np.sqrt(variance / (2 * (1 - correlation)))), correlation, max(together, 1.0))
+
+
+def _around(region: BoolArray) -> tuple[slice, slice]:
+    """Return the part of an image that holds a region, and all windows with enough of it where they were."""
+    places = (np.flatnonzero(region.any(axis=axis)) for axis in (1, 0))
+    rows, columns = (slice(int(at[0]) // _HALF_PX * _HALF_PX, int(at[-1]) + 2 * _HALF_PX + 1) for at in places)
+    return rows, columns
+
+
+def _sum_and_number(values: FloatArray) -> tuple[float, int]:
+    known = values[np.isfinite(values)]
+    return float(known.sum()), known.size
 
 
 def window_means(values: FloatArray, half_width: int, half_height: int) -> tuple[FloatArray, int]:
@@ -126,16 +152,11 @@ def window_means(values: FloatArray, half_width: int, half_height: int) -> tuple
     """
     width, height = 2 * half_width + 1, 2 * half_height + 1
     known = np.isfinite(values)
-    total = _sums(np.where(known, values, 0.0), width, height)
-    count = _sums(known.astype(np.float64), width, height)
-    size = width * height
-    means = np.where(count >= _FULL * size, total / np.maximum(count, 1), np.nan)
-    return means[:: max(half_height, 1), :: max(half_width, 1)], size
-
-
-def _sums(values: FloatArray, width: int, height: int) -> FloatArray:
-    padded = np.pad(values, ((1, 0), (1, 0))).cumsum(axis=0).cumsum(axis=1)
-    sums: FloatArray = (
-        padded[height:, width:] - padded[:-height, width:] - padded[height:, :-width] + padded[:-height, :-width]
+    steps = slice(None, None, max(half_height, 1)), slice(None, None, max(half_width, 1))
+    total, count = (
+        (sums[height:, width:][steps] - sums[:-height, width:][steps])
+        - (sums[height:, :-width][steps] - sums[:-height, :-width][steps])
+        for sums in map(cv2.integral, (np.where(known, values, 0.0), known.view(np.uint8)))
     )
-    return sums
+    size = width * height
+    return np.where(count >= _FULL * size, total / np.maximum(count, 1), np.nan), size

@@ -10,7 +10,7 @@ import pytest
 
 from garment_dataset.vision.depth.backdrop import backdrop, static_inverse
 from garment_dataset.vision.depth.flat_field import plain_per_m
-from garment_dataset.vision.depth.sensor_noise import level_step_per_m, time_noise
+from garment_dataset.vision.depth.sensor_noise import level_step_per_m, time_noise, window_means
 
 if TYPE_CHECKING:
     from garment_dataset.arrays import FloatArray
@@ -35,7 +35,7 @@ def test_noise_and_its_correlations_are_found(correlation: float, radius_px: flo
     frames = [blobs(rng, radius_px)]
     for _ in range(20):
         frames.append(correlation * frames[-1] + np.sqrt(1 - correlation**2) * blobs(rng, radius_px))
-    found = time_noise(1.0 + 0.002 * np.stack(frames), EVERYWHERE)
+    found = time_noise([1.0 + 0.002 * frame for frame in frames], EVERYWHERE)
     assert found is not None
     assert found.std_per_m == pytest.approx(0.002, rel=0.03)
     assert found.correlation == pytest.approx(correlation, abs=0.04)
@@ -43,7 +43,7 @@ def test_noise_and_its_correlations_are_found(correlation: float, radius_px: flo
 
 
 def test_two_frames_say_nothing_of_correlation() -> None:
-    assert time_noise(np.ones((2, *SHAPE)), EVERYWHERE) is None
+    assert time_noise([np.ones(SHAPE)] * 2, EVERYWHERE) is None
 
 
 @pytest.mark.parametrize("step_per_m", [0.0015, 0.003])
@@ -75,3 +75,33 @@ def test_what_is_missing_too_often_does_not_stand_still() -> None:
     assert np.isnan(inverse[:100]).all()
     assert (inverse[100:] == 0.5).all()
     assert backdrop(np.full(SHAPE, np.nan)) is None
+
+
+def test_noise_is_what_its_definition_says_wherever_the_region_is() -> None:
+    """Differences of frames, their products and the means over windows that are nearly full, each taken one by one."""
+    rng = np.random.default_rng(5)
+    frames = 1.0 + 0.002 * rng.normal(size=(5, 90, 120))
+    frames[rng.random(frames.shape) < 0.05] = np.nan
+    frames[2, 40:44, 60:70] += 0.1
+    region = np.zeros((90, 120), np.bool_)
+    region[17:77, 41:109] = True
+    change = np.diff(np.where(region, frames, np.nan), axis=0)
+    change[np.abs(change) > 0.03] = np.nan
+    variance = np.nanmean(change**2)
+    correlation = 1 + 2 * np.nanmean(change[1:] * change[:-1]) / variance
+    windows = [
+        each[row : row + 25, column : column + 25]
+        for each in change
+        for row in range(0, 90 - 24, 12)
+        for column in range(0, 120 - 24, 12)
+    ]
+    means = [np.nanmean(window) for window in windows if np.isfinite(window).sum() >= 500]
+    found = time_noise(list(frames), region)
+    assert found is not None
+    assert found.correlation == pytest.approx(correlation, abs=1e-12)
+    assert found.std_per_m == pytest.approx(np.sqrt(variance / (2 * (1 - correlation))), rel=1e-12)
+    assert found.pixels_per_independent == pytest.approx(max(625 * np.mean(np.square(means)) / variance, 1.0))
+    tall, size = window_means(change[0], 3, 5)
+    assert size == 77
+    expected = np.nanmean(change[0][20 : 20 + 11, 60 : 60 + 7])
+    assert tall[4, 20] == pytest.approx(expected, rel=1e-12)
