@@ -113,19 +113,22 @@ def column_offsets(frames: Sequence[DepthImage], table: FloatArray, *, beyond_m:
 def _offsets_from_plane(inverse: FloatArray, used: BoolArray) -> FloatArray | None:
     """Return the column means about a plane; its slope down the rows is found within columns, robustly."""
     rows = np.arange(inverse.shape[0], dtype=np.float64)[:, None]
-    inside = np.isfinite(inverse)
+    known = inside = np.isfinite(inverse)
+    plain = np.where(known, inverse, 0.0)
     offset = np.zeros(inverse.shape[1])
     slope = 0.0
     for _ in range(6):
         count = np.maximum(inside.sum(axis=0), 1)
-        values = np.where(inside, inverse, 0)
-        mean, mean_row = values.sum(axis=0) / count, (rows * inside).sum(axis=0) / count
+        values = plain * inside
+        mean, mean_row = values.sum(axis=0) / count, (rows[:, 0] @ inside) / count
         away_row = np.where(inside, rows - mean_row, 0)
         slope = float((away_row * values).sum() / max(float((away_row**2).sum()), 1e-12))
         offset = mean - slope * mean_row
-        residual = np.where(np.isfinite(inverse), inverse, 0) - slope * rows - offset
+        residual = plain - slope * rows - offset
         spread = 1.4826 * float(np.median(np.abs(residual[inside])))
-        inside = np.isfinite(inverse) & (np.abs(residual) <= 3 * max(spread, 1e-6))
+        before, inside = inside, known & (np.abs(residual) <= 3 * max(spread, 1e-6))
+        if np.array_equal(before, inside):  # what is found from the same pixels is the same
+            break
     used = used & (inside.sum(axis=0) >= _MIN_ROWS)
     if used.sum() < _MIN_COLUMNS or spread > LEVEL_SPACING_PER_M:
         return None

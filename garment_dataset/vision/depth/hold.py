@@ -47,6 +47,9 @@ _FARTHEST_M = 0.03
 """Cloth that seems farther from the gripper's end point is not held there: its line upwards means nothing."""
 
 
+_USUAL = usual_pattern()
+
+
 class Hold(NamedTuple):
     """How a garment is held, frame by frame.
 
@@ -127,7 +130,7 @@ def shared_std_m(profile: Profile) -> float:
     """Return the standard error that all curves of a profile share: the pattern in its first windows, and bend."""
     first = (profile.piece == 0) & (profile.y_m <= profile.y_m[0] + _CURVES[0][1])
     pixels = profile.pixels[first].astype(np.float64)
-    pattern_m = usual_pattern().at(pixels) * profile.z_m[first] ** 2
+    pattern_m = _USUAL.at(pixels) * profile.z_m[first] ** 2
     # at the upper border even the largest window has half of its rows
     bent = 1 - np.clip(2 * pixels / max(int(profile.window_pixels[-1].max()), 1), 0, 1).mean()
     return float(np.sqrt((_LEVERAGE * pattern_m.mean()) ** 2 + _FLAT_STD_M**2 + (bent * _BENT_STD_M) ** 2))

@@ -106,13 +106,19 @@ def local_fit(time_s: FloatArray, values: FloatArray, frames: int, degree: int) 
     neighbour = first[:, None] + np.arange(count)
     away_s = time_s[neighbour] - time_s[:, None]
     half_s = np.maximum(np.abs(away_s).max(axis=1, keepdims=True), 1e-9)
-    powers = (away_s / half_s)[:, :, None] ** np.arange(degree + 1)
-    normal = powers.transpose(0, 2, 1) @ powers
-    weight = (powers @ np.linalg.solve(normal, np.eye(degree + 1)[:, :1]))[:, :, 0]
+    powers = np.ones((time_s.size, degree + 1, count))
+    for power in range(1, degree + 1):
+        np.multiply(powers[:, power - 1], away_s / half_s, out=powers[:, power])
+    normal = powers @ powers.transpose(0, 2, 1)
+    terms = np.linalg.solve(normal, np.eye(degree + 1)[:, :1])
+    weight = (terms.transpose(0, 2, 1) @ powers)[:, 0]
+    gain = np.einsum("ij,ij->i", weight, weight)
+    if values.shape[1] == 1:
+        return (weight * values[neighbour, 0]).sum(axis=1)[:, None], gain
     smooth = np.zeros_like(values)
     for place in range(count):  # a product with the whole (T, T) matrix would not do for long recordings
         smooth += weight[:, place, None] * values[neighbour[:, place]]
-    return smooth, (weight**2).sum(axis=1)
+    return smooth, gain
 
 
 def middle(values: FloatArray) -> float:

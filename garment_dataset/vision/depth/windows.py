@@ -125,9 +125,10 @@ def _along(values: FloatArray) -> FloatArray:
 
 def _taken(profile: Profile, shares: FloatArray) -> Profile:
     """Return a profile that goes, window by window, so far to the next larger one."""
-    inverse, pixels = 1 / profile.window_z_m[0], profile.window_pixels[0].astype(np.float64)
-    for share, z_m, count in zip(shares, profile.window_z_m[1:], profile.window_pixels[1:], strict=True):
-        inverse = inverse + share * (1 / z_m - inverse)
+    inverses, pixels = 1 / profile.window_z_m, profile.window_pixels[0].astype(np.float64)
+    inverse = inverses[0]
+    for share, larger, count in zip(shares, inverses[1:], profile.window_pixels[1:], strict=True):
+        inverse = inverse + share * (larger - inverse)
         pixels = pixels + share * (count - pixels)
     z_m = 1 / inverse
     y_m = profile.y_m / profile.z_m * z_m
