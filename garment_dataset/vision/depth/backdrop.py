@@ -11,7 +11,7 @@ from garment_dataset.vision.depth.cloud import LEVEL_SPACING_PER_M
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from garment_dataset.arrays import BoolArray, DepthImage, FloatArray, IntArray
+    from garment_dataset.arrays import BoolArray, DepthImage, FloatArray
 
 _HALF_THICKNESS_PER_M = 3 * LEVEL_SPACING_PER_M
 """Pixels nearer to a plane belong to it: six times the fixed error and the noise of means that were measured."""
@@ -68,28 +68,31 @@ def backdrop(inverse: FloatArray) -> BoolArray | None:
     Random sample consensus (Fischler and Bolles, 1981) with a fixed seed, on some of the pixels; the best of the trials
     is refined by least squares on its own pixels, twice.
     """
-    v, u = np.nonzero(np.isfinite(inverse))
-    if u.size < _MIN_SHARE * inverse.size:
+    known = np.flatnonzero(np.isfinite(inverse))
+    if known.size < _MIN_SHARE * inverse.size:
         return None
     random = np.random.default_rng(_SEED)
-    chosen = random.integers(u.size, size=_SAMPLE)
-    points = _basis(u[chosen], v[chosen], inverse.shape)
-    values = inverse[v[chosen], u[chosen]]
+    chosen = known[random.integers(known.size, size=_SAMPLE)]
+    x, y = _places(inverse.shape)
+    points = np.stack([np.ones(_SAMPLE), x[chosen % x.size], y[chosen // x.size]], axis=1)
+    values = inverse.ravel()[chosen]
     triples = random.integers(_SAMPLE, size=(_TRIALS, 3))
     systems = points[triples]
     solvable = np.abs(np.linalg.det(systems)) > 1e-3
     planes = np.linalg.solve(systems[solvable], values[triples[solvable]][:, :, None])[:, :, 0]
     if planes.size == 0:
         return None
-    near = np.abs(planes @ points.T - values) < _HALF_THICKNESS_PER_M
-    plane = planes[int(near.sum(axis=1).argmax())]
+    away = planes @ points.T
+    away -= values
+    near = np.abs(away, out=away) < _HALF_THICKNESS_PER_M
+    plane = planes[int(np.count_nonzero(near, axis=1).argmax())]
     for _ in range(2):
         inside = np.abs(points @ plane - values) < _HALF_THICKNESS_PER_M
         plane = np.linalg.lstsq(points[inside], values[inside], rcond=None)[0]
-    found = np.zeros(inverse.shape, np.bool_)
-    found[v, u] = np.abs(_basis(u, v, inverse.shape) @ plane - inverse[v, u]) < _HALF_THICKNESS_PER_M
+    found = np.abs(plane[0] + plane[1] * x + (plane[2] * y)[:, None] - inverse) < _HALF_THICKNESS_PER_M
     return found if found.sum() >= _MIN_SHARE * found.size else None
 
 
-def _basis(u: IntArray, v: IntArray, shape: tuple[int, ...]) -> FloatArray:
-    return np.stack([np.ones(u.size), u / shape[1] - 0.5, v / shape[0] - 0.5], axis=1)
+def _places(shape: tuple[int, ...]) -> tuple[FloatArray, FloatArray]:
+    """Return where columns and rows are in an image, from -0.5 to 0.5."""
+    return np.arange(shape[1]) / shape[1] - 0.5, np.arange(shape[0]) / shape[0] - 0.5

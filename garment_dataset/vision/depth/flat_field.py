@@ -113,16 +113,17 @@ def column_offsets(frames: Sequence[DepthImage], table: FloatArray, *, beyond_m:
 def _offsets_from_plane(inverse: FloatArray, used: BoolArray) -> FloatArray | None:
     """Return the column means about a plane; its slope down the rows is found within columns, robustly."""
     rows = np.arange(inverse.shape[0], dtype=np.float64)[:, None]
+    powers = rows.T ** np.arange(3)[:, None]
     known = inside = np.isfinite(inverse)
     plain = np.where(known, inverse, 0.0)
     offset = np.zeros(inverse.shape[1])
     slope = 0.0
     for _ in range(6):
-        count = np.maximum(inside.sum(axis=0), 1)
-        values = plain * inside
-        mean, mean_row = values.sum(axis=0) / count, (rows[:, 0] @ inside) / count
-        away_row = np.where(inside, rows - mean_row, 0)
-        slope = float((away_row * values).sum() / max(float((away_row**2).sum()), 1e-12))
+        number, sum_row, sum_square = powers @ inside.astype(np.float64)
+        total, moment = powers[:2] @ (plain * inside)
+        count = np.maximum(number, 1)
+        mean, mean_row = total / count, sum_row / count
+        slope = float((moment - mean_row * total).sum() / max(float((sum_square - mean_row * sum_row).sum()), 1e-12))
         offset = mean - slope * mean_row
         residual = plain - slope * rows - offset
         spread = 1.4826 * float(np.median(np.abs(residual[inside])))
