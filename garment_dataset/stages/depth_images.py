@@ -26,15 +26,21 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class DepthImages:
-    """The usable depth images of a bag, by index; None for one of another size. Read anew in every loop."""
+    """The usable depth images of a bag, by index; None for one of another size. Read anew in every loop.
+
+    Of those that are not in ``only``, if that is given, no pixel is touched.
+    """
 
     bag: Bag
     frames: pa.Table
     shape: tuple[int, int]
     reading: DepthReading
+    only: frozenset[int] | None = None
 
     def __iter__(self) -> Iterator[tuple[int, DepthImage | None]]:
         for image in usable_images(self.bag, self.frames, "depth"):
+            if self.only is not None and image.index not in self.only:
+                continue
             depth_mm = image.pixels(self.reading)
             yield image.index, depth_mm if depth_mm.shape == self.shape else None
 

@@ -155,13 +155,13 @@ def _read(
 
     rest, count = wanted
     numbers = list(usable_stamps_ns(frames, "depth"))
-    spread = set(numbers[:: max(len(numbers) // count, 1)])
+    spread = frozenset(numbers[:: max(len(numbers) // count, 1)])
     shape, _ = depth_camera(bag, camera)
     with open_bag(bag) as opened:
         images = {
             frame: np.array(depth_mm)
-            for frame, depth_mm in DepthImages(opened, frames, shape, depth_reading(camera))
-            if depth_mm is not None and (frame in spread or frame in rest)
+            for frame, depth_mm in DepthImages(opened, frames, shape, depth_reading(camera), spread.union(rest))
+            if depth_mm is not None
         }
     return [images[frame] for frame in rest if frame in images], [
         images[frame] for frame in sorted(spread & set(images))

@@ -17,18 +17,18 @@ from garment_dataset.vision.depth.cloud import (
     select_pixels,
 )
 from garment_dataset.vision.depth.doubt import length_std_m, missing_m, unrest_m
-from garment_dataset.vision.depth.flat_field import column_offsets, column_std_per_m, inverse_depth_table
 from garment_dataset.vision.depth.hem import doubt_hem
 from garment_dataset.vision.depth.material_line import divide_material_line, smooth_material_lines, trace_material_lines
 from garment_dataset.vision.depth.pattern import usual_pattern
-from garment_dataset.vision.depth.profile import DepthScale, Profile, find_profiles
+from garment_dataset.vision.depth.profile import Profile, find_profiles
 from garment_dataset.vision.depth.samples import sample_windows
+from garment_dataset.vision.depth.scale import flat_field_frames, measure_scale
 from garment_dataset.vision.depth.support import BridgeLimits
 from garment_dataset.vision.depth.tracking import divide_track, track_profiles
 from garment_dataset.vision.depth.uncertainty import ErrorSources, noise_factor
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Iterable, Iterator, Mapping
 
     from garment_dataset.arrays import DepthImage, FloatArray
     from garment_dataset.vision.depth.chain import Chain, ChainPoints
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from garment_dataset.vision.depth.hem import LengthReason
     from garment_dataset.vision.depth.material_line import MaterialLine
     from garment_dataset.vision.depth.pattern import FixedPattern
+    from garment_dataset.vision.depth.profile import DepthScale, ProfileSettings
     from garment_dataset.vision.depth.settings import TrackSettings, WindowSettings
 
 _BATCH_FRAMES = 16
@@ -185,14 +186,14 @@ def trace_profiles(
     grippers_m: Mapping[int, Point],
     settings: TrackSettings,
     known: KnownSensor | None = None,
+    some: Iterable[tuple[int, DepthImage | None]] | None = None,
 ) -> dict[int, Trace]:
     """Trace the profile in every image, smooth the profiles over time, and divide them.
 
     Parameters
     ----------
     images : iterable of (int, (H, W) uint16 or None)
-        Frame and its depth in millimetres, None for an image of the wrong size. Iterated twice, so
-        no iterator.
+        Frame and its depth in millimetres, None for an image of the wrong size. No iterator, unless ``some`` is given.
     stamps_ns : mapping
         Stamp by frame.
     intrinsics : Intrinsics
@@ -203,32 +204,14 @@ def trace_profiles(
         See there.
     known : KnownSensor, optional
         What the recording says of its sensor; by default it is taken to be as real ones usually are.
+    some : iterable, optional
+        Those of the images that :func:`~garment_dataset.vision.depth.scale.flat_field_frames` names, or more of them.
     """
     known = KnownSensor() if known is None else known
-    scale, columns_per_m = _measure_scale(images, list(stamps_ns), settings, known)
-    traces: dict[int, Trace] = {}
-    profiles: dict[int, Profile] = {}
-    limits = {"band_half_width_m": settings.profile.band_half_width_m, "jump_m": settings.profile.jump_m}
-    lines: list[MaterialLine | None] = []
-    for batch in _batches(images):
-        usable = {frame: depth_mm for frame, depth_mm in batch if depth_mm is not None and frame in grippers_m}
-        several = [(depth_mm, grippers_m[frame]) for frame, depth_mm in usable.items()]
-        found = dict(zip(usable, find_profiles(several, intrinsics, scale, settings.profile), strict=True))
-        sheets: list[tuple[DepthImage, Point, Profile]] = []
-        for frame, depth_mm in batch:
-            if depth_mm is None or frame not in grippers_m:
-                traces[frame] = Trace(reason="image_size" if depth_mm is None else "no_gripper")
-                continue
-            profile = found[frame]
-            if not isinstance(profile, Profile):
-                traces[frame] = Trace(reason=profile)
-                continue
-            profiles[frame], gripper_m = profile, grippers_m[frame]
-            sheets.append((depth_mm, gripper_m, profile))
-            end_m, gaps = profile.end_m(gripper_m[0]), profile.ends_at_gap
-            hem = doubt_hem(depth_mm, intrinsics, end_m, gripper_m[2], ends_at_gap=gaps, **limits)
-            traces[frame] = Trace(length_reason=hem)
-        lines += trace_material_lines(sheets, intrinsics, band_half_width_m=limits["band_half_width_m"])
+    chosen, some = flat_field_frames(list(stamps_ns), settings), images if some is None else some
+    flat = [np.array(depth_mm) for frame, depth_mm in some if frame in chosen and depth_mm is not None]
+    scale, columns_per_m = measure_scale(flat, settings, known.pixels_per_m, measured=known.pattern is not None)
+    traces, profiles, lines = _trace_each(images, intrinsics, grippers_m, scale, settings.profile)
     if not profiles:
         return traces
     pattern = known.pattern or usual_pattern()
@@ -256,6 +239,7 @@ def trace_profiles(
     )
     restless_m = unrest_m(tracked_ns, points_m - ends_m[:, :, None])
     whole = np.array([traces[frame].length_reason is None for frame in frames])
+    limits = {"band_half_width_m": settings.profile.band_half_width_m, "jump_m": settings.profile.jump_m}
     lacking_m = missing_m(tracked_ns, np.array([track.chain.length_m for track in tracks]), whole)
     lines = smooth_material_lines(lines, tracked_ns, frames=settings.smoothing_frames)
     for row, (frame, track, line) in enumerate(zip(frames, tracks, lines, strict=True)):
@@ -276,27 +260,41 @@ def trace_profiles(
     return traces
 
 
+def _trace_each(
+    images: Iterable[tuple[int, DepthImage | None]],
+    intrinsics: Intrinsics,
+    grippers_m: Mapping[int, Point],
+    scale: DepthScale,
+    settings: ProfileSettings,
+) -> tuple[dict[int, Trace], dict[int, Profile], list[MaterialLine | None]]:
+    """Return what every image shows alone: traces without points; and of those with a profile it and a middle."""
+    traces: dict[int, Trace] = {}
+    profiles: dict[int, Profile] = {}
+    limits = {"band_half_width_m": settings.band_half_width_m, "jump_m": settings.jump_m}
+    lines: list[MaterialLine | None] = []
+    for batch in _batches(images):
+        usable = {frame: depth_mm for frame, depth_mm in batch if depth_mm is not None and frame in grippers_m}
+        several = [(depth_mm, grippers_m[frame]) for frame, depth_mm in usable.items()]
+        found = dict(zip(usable, find_profiles(several, intrinsics, scale, settings), strict=True))
+        sheets: list[tuple[DepthImage, Point, Profile]] = []
+        for frame, depth_mm in batch:
+            if depth_mm is None or frame not in grippers_m:
+                traces[frame] = Trace(reason="image_size" if depth_mm is None else "no_gripper")
+                continue
+            profile = found[frame]
+            if not isinstance(profile, Profile):
+                traces[frame] = Trace(reason=profile)
+                continue
+            profiles[frame], gripper_m = profile, grippers_m[frame]
+            sheets.append((depth_mm, gripper_m, profile))
+            end_m, gaps = profile.end_m(gripper_m[0]), profile.ends_at_gap
+            hem = doubt_hem(depth_mm, intrinsics, end_m, gripper_m[2], ends_at_gap=gaps, **limits)
+            traces[frame] = Trace(length_reason=hem)
+        lines += trace_material_lines(sheets, intrinsics, band_half_width_m=limits["band_half_width_m"])
+    return traces, profiles, lines
+
+
 def _batches(images: Iterable[tuple[int, DepthImage | None]]) -> Iterator[list[tuple[int, DepthImage | None]]]:
     each = iter(images)
     while batch := list(islice(each, _BATCH_FRAMES)):
         yield batch
-
-
-def _measure_scale(
-    images: Iterable[tuple[int, DepthImage | None]],
-    frames: Sequence[int],
-    settings: TrackSettings,
-    known: KnownSensor,
-) -> tuple[DepthScale, FloatArray]:
-    """Measure what the columns add to inverse depth, on some images; return it, and what is left of it."""
-    chosen = set(frames[:: max(len(frames) // settings.flat_field_frames, 1)])
-    some = [np.array(depth_mm) for frame, depth_mm in images if frame in chosen and depth_mm is not None]
-    table, _ = inverse_depth_table(some)
-    if not some:
-        return DepthScale(table), np.zeros(1)
-    offset = column_offsets(some, table, beyond_m=settings.flat_field_beyond_m)
-    window_px, measured = 2.0 * settings.profile.windows_px[-1][0], known.pattern is not None
-    left_per_m = column_std_per_m(offset, window_px, some[0].shape[1], measured=measured)
-    if known.pixels_per_m is None:
-        return DepthScale(table, offset), left_per_m
-    return DepthScale(table, known.pixels_per_m + (0.0 if offset is None else offset)), left_per_m
