@@ -173,11 +173,9 @@ def slid_m2(
     along_m : (r,) float64
         How far they may slide.
     """
-    ways_m = [
-        np.stack([np.interp(place_m, path_m[0], axis) for axis in path_m[1]]) - position_m
-        for place_m in (arc_m - along_m, arc_m + along_m)
-    ]
-    squares: FloatArray = (ways_m[0] ** 2 + ways_m[1] ** 2) / 2
+    place_m = np.stack([arc_m - along_m, arc_m + along_m])
+    ways_m = np.stack([np.interp(place_m, path_m[0], axis) for axis in path_m[1]]) - position_m[:, None]
+    squares: FloatArray = (ways_m**2).sum(axis=1) / 2
     return squares
 
 
