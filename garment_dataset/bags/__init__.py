@@ -13,8 +13,9 @@ from garment_dataset.bags.camera import Camera, read_camera
 from garment_dataset.bags.gripper import GripperTrack, read_gripper
 from garment_dataset.bags.images import AS_SAID, DepthReading, Kind
 from garment_dataset.bags.messages import Glance, ImageMessage, Message, Topic
+from garment_dataset.bags.poses import Transform
 from garment_dataset.bags.rosbag1 import Rosbag1
-from garment_dataset.bags.transforms import LookupFailedError, Transform, TransformTree
+from garment_dataset.bags.transforms import LookupFailedError, TransformTree
 from garment_dataset.errors import BagError
 
 if TYPE_CHECKING:

@@ -80,7 +80,7 @@ def read_gravity(
     if not transforms.recorded:
         return Gravity(None, None, "not recorded")
     camera = CameraFrame(transforms, camera_frame.lstrip("/"), round(max_gap_s * 1e9))
-    seen = [camera.see(level_frame.lstrip("/"), stamp_ns) for stamp_ns in stamps_ns]
+    seen = camera.see_all(level_frame.lstrip("/"), list(stamps_ns))
     down = [-each.apply(np.eye(3)[2]) + each.translation for each in seen if not isinstance(each, NoAnswer)]
     if not down:
         return Gravity(None, None, next((each.reason for each in seen if isinstance(each, NoAnswer)), "no images"))

@@ -57,7 +57,7 @@ class GripperTrack:
     reason : tuple of str or None, length N
         Why there is no point, for each source asked: ``topic: gap; tf: past``. The words are ``no samples``, ``past``
         and ``future`` (outside the samples), ``gap`` (between samples too far apart), and those of
-        :data:`~garment_dataset.bags.transforms.FailureKind`.
+        :data:`~garment_dataset.bags.links.FailureKind`.
     """
 
     x_m: NDArray[np.float64]
@@ -135,13 +135,13 @@ def read_gripper(
     if transforms is None:
         transforms = RecordedTransforms(bag, max_stamp_offset_s=max_stamp_offset_s)
     camera = CameraFrame(transforms, camera_frame.lstrip("/"), round(max_gap_s * 1e9))
+    times_ns = [int(stamp_ns) for stamp_ns in stamps_ns]
     asked: dict[str, GripperSource] = {}
     if source != "tf":
         asked["topic"] = reader = TopicSource(camera, topic, max_stamp_offset_s)
         warn_of_left_out(bag, reader.left_out)
     if source != "topic":
-        asked["tf"] = TransformSource(camera, gripper_frame.lstrip("/"))
-    times_ns = [int(stamp_ns) for stamp_ns in stamps_ns]
+        asked["tf"] = TransformSource(camera, gripper_frame.lstrip("/"), times_ns)
     answers: Answers = {name: [each.at(stamp_ns) for stamp_ns in times_ns] for name, each in asked.items()}
     if source == "auto":
         answers = _surest_first(answers, std_floor_m)

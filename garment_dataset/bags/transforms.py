@@ -8,26 +8,32 @@ let through a little too long or short are normalised, as it would scale lengths
 from __future__ import annotations
 
 import math
-from bisect import bisect_right
-from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Literal, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from garment_dataset.bags.poses import IDENTITY, Pose, compose, inverse
-from garment_dataset.bags.quaternions import lerp, normalised, slerp
+from garment_dataset.bags.links import FailureKind, Link, Sample, Stop
+from garment_dataset.bags.poses import (
+    IDENTITY,
+    Pose,
+    Poses,
+    Transform,
+    columns,
+    compose,
+    compose_all,
+    inverse,
+    inverse_all,
+)
+from garment_dataset.bags.quaternions import normalised
 from garment_dataset.errors import TransformError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import NDArray
 
 SQUARED_NORM_TOLERANCE = 1e-2
 """How far the squared norm of a quaternion may be from 1 (tf2's ``QUATERNION_NORMALIZATION_TOLERANCE``)."""
-
-FailureKind = Literal["past", "future", "unknown frame", "not connected", "loop"]
-"""Why a look-up has no answer: before the first or after the last sample of a link, or a matter of the tree itself."""
 
 
 class LookupFailedError(TransformError):
@@ -44,106 +50,6 @@ class LookupFailedError(TransformError):
     def __init__(self, kind: FailureKind, what: str, *, where: object = None, hint: str | None = None) -> None:
         super().__init__(what, where=where, hint=hint)
         self.kind: FailureKind = kind
-
-
-@dataclass(frozen=True, eq=False, slots=True)
-class Transform:
-    """A rigid motion that takes coordinates in ``source`` to coordinates in ``target``.
-
-    Parameters
-    ----------
-    translation : (3,) float64
-        Origin of ``source`` in ``target``, in metres.
-    quaternion_xyzw : (4,) float64
-        Rotation, of unit norm.
-    nearest_sample_gap_ns : int
-        Distance in time from the stamp asked for to the nearest sample, of the link where it is largest; links of
-        ``/tf_static`` hold at all times and count 0.
-    bracket_ns : int
-        Longest time between two unequal samples that were interpolated between; 0 when there were none. The two
-        samples of a fixed link are equal, however rarely it is published.
-    """
-
-    translation: NDArray[np.float64]
-    quaternion_xyzw: NDArray[np.float64]
-    nearest_sample_gap_ns: int
-    bracket_ns: int
-
-    def apply(self, points_m: ArrayLike) -> NDArray[np.float64]:
-        """Take points of ``source`` into ``target``.
-
-        Parameters
-        ----------
-        points_m : array-like, shape (..., 3)
-            In metres.
-
-        Returns
-        -------
-        (..., 3) float64
-        """
-        points = np.asarray(points_m, dtype=np.float64)
-        axis, w = self.quaternion_xyzw[:3], self.quaternion_xyzw[3]
-        turn = 2.0 * np.cross(axis, points)
-        moved: NDArray[np.float64] = points + w * turn + np.cross(axis, turn) + self.translation
-        return moved
-
-
-class _Sample(NamedTuple):
-    """Where a frame is in its parent, at one time."""
-
-    parent: str
-    pose: Pose
-
-
-class _Stop(NamedTuple):
-    """Why a walk towards the root of the tree ended before it."""
-
-    kind: FailureKind
-    why: str
-
-
-@dataclass(slots=True)
-class _Link:
-    """All that was said about one child frame."""
-
-    samples: dict[int, _Sample] = field(default_factory=dict)
-    stamps_ns: list[int] = field(default_factory=list)  # the sorted keys of `samples`; out of date while shorter
-    static: _Sample | None = None
-
-    @property
-    def parents(self) -> set[str]:
-        """The frames it was ever said to hang on."""
-        return {self.static.parent} if self.static else {sample.parent for sample in self.samples.values()}
-
-    @property
-    def moves(self) -> bool:
-        """Whether two of its samples differ."""
-        return self.static is None and len({sample.pose for sample in self.samples.values()}) > 1
-
-    def at(self, stamp_ns: int) -> _Sample | _Stop:
-        """Return the pose in the parent at ``stamp_ns``, as ``tf2::TimeCache::getData``."""
-        if (known := self.static or self.samples.get(stamp_ns)) is not None:
-            return known
-        if len(self.stamps_ns) != len(self.samples):
-            self.stamps_ns = sorted(self.samples)
-        following = bisect_right(self.stamps_ns, stamp_ns)
-        if following == 0:
-            return _Stop("past", f"{stamp_ns} ns is before its first sample, {self.stamps_ns[0]} ns")
-        if following == len(self.stamps_ns):
-            return _Stop("future", f"{stamp_ns} ns is after its last sample, {self.stamps_ns[-1]} ns")
-        return self._between(self.stamps_ns[following - 1], stamp_ns, self.stamps_ns[following])
-
-    def _between(self, before_ns: int, stamp_ns: int, after_ns: int) -> _Sample:
-        before, after = self.samples[before_ns], self.samples[after_ns]
-        if before.parent != after.parent:
-            return _Sample(before.parent, before.pose._replace(gap_ns=stamp_ns - before_ns))
-        gap_ns = min(stamp_ns - before_ns, after_ns - stamp_ns)
-        if before.pose == after.pose:
-            return _Sample(before.parent, before.pose._replace(gap_ns=gap_ns))
-        ratio = (stamp_ns - before_ns) / (after_ns - before_ns)
-        translation = lerp(before.pose.translation, after.pose.translation, ratio)
-        quaternion = slerp(before.pose.quaternion, after.pose.quaternion, ratio)
-        return _Sample(before.parent, Pose(translation, quaternion, gap_ns, after_ns - before_ns))
 
 
 class TransformTree:
@@ -169,7 +75,7 @@ class TransformTree:
     def __init__(self, name: str | None = None) -> None:
         self.name = name
         self.refused = 0
-        self._links: dict[str, _Link] = {}
+        self._links: dict[str, Link] = {}
         self._frames: set[str] = set()
 
     def add(
@@ -208,13 +114,19 @@ class TransformTree:
         parent, child = parent.lstrip("/"), child.lstrip("/")
         x, y, z = map(float, translation)
         qx, qy, qz, qw = map(float, quaternion_xyzw)
-        quaternion = normalised((qx, qy, qz, qw), SQUARED_NORM_TOLERANCE)
-        if quaternion is None or not math.isfinite(x + y + z) or not parent or not child or parent == child:
-            self.refused += 1
-            return False
-        sample = _Sample(parent, Pose((x, y, z), quaternion))
-        self._frames.update((parent, child))
-        link = self._links.setdefault(child, _Link())
+        said = (parent, x, y, z, qx, qy, qz, qw)
+        link = self._links.get(child)
+        if link is not None and link.last is not None and link.last[0] == said:
+            sample = link.last[1]
+        else:
+            quaternion = normalised((qx, qy, qz, qw), SQUARED_NORM_TOLERANCE)
+            if quaternion is None or not math.isfinite(x + y + z) or not parent or not child or parent == child:
+                self.refused += 1
+                return False
+            sample = Sample(parent, Pose((x, y, z), quaternion))
+            self._frames.update((parent, child))
+            link = self._links.setdefault(child, Link())
+            link.last = said, sample
         if static:
             link.static = sample
             return True
@@ -246,11 +158,68 @@ class TransformTree:
         target_in, target_stop = self._walk(target, stamp_ns)
         common = next((frame for frame in target_in if frame in source_in), None)
         if common is None:
-            stop = target_stop or source_stop or _Stop("not connected", "they have no common ancestor")
+            stop = target_stop or source_stop or Stop("not connected", "they have no common ancestor")
             what = f"no transform from {source!r} to {target!r}: {stop.why}"
             raise LookupFailedError(stop.kind, what, where=self.name)
         pose = compose(inverse(target_in[common]), source_in[common])
         return Transform(np.array(pose.translation), np.array(pose.quaternion), pose.gap_ns, pose.bracket_ns)
+
+    def lookups(self, target: str, source: str, stamps_ns: Sequence[int]) -> list[Transform | LookupFailedError]:
+        """Do as :meth:`lookup` at many times, far faster, with the same results to the last bit.
+
+        Parameters
+        ----------
+        target, source : str
+            As for :meth:`lookup`.
+        stamps_ns : sequence of int
+            Header times.
+
+        Returns
+        -------
+        list of Transform or LookupFailedError
+            One per time; the error where :meth:`lookup` would raise it.
+        """
+        found: list[Transform | LookupFailedError] = []
+        at_once = self._at_once(target.lstrip("/"), source.lstrip("/"), np.array(stamps_ns, np.int64))
+        for stamp_ns, known in zip(stamps_ns, at_once, strict=True):
+            try:
+                found.append(known or self.lookup(target, source, stamp_ns))
+            except LookupFailedError as error:
+                found.append(error)
+        return found
+
+    def _at_once(self, target: str, source: str, stamps_ns: NDArray[np.int64]) -> Sequence[Transform | None]:
+        """Return the transforms that hold at these times, None where each has to be walked for.
+
+        So it is where a frame on the way has changed its parent, or is its own ancestor.
+        """
+        target_above, source_above = self._ancestry(target), self._ancestry(source)
+        common = next((frame for frame in target_above if frame in source_above), None)
+        roots = {target_above[-1], source_above[-1]}
+        if target == source or common is None or not roots.isdisjoint(self._links):
+            return [None] * len(stamps_ns)
+        up, up_missing = self._climb(source_above[: source_above.index(common)], stamps_ns)
+        down, down_missing = self._climb(target_above[: target_above.index(common)], stamps_ns)
+        poses = compose_all(inverse_all(down), up)
+        translations, quaternions = (
+            columns(poses.translation, len(stamps_ns)),
+            columns(poses.quaternion, len(stamps_ns)),
+        )
+        times_ns = columns((poses.gap_ns, poses.bracket_ns), len(stamps_ns)).tolist()
+        return [
+            None if missing else Transform(translation, quaternion, *of_one)
+            for missing, translation, quaternion, of_one in zip(
+                up_missing | down_missing, translations, quaternions, times_ns, strict=True
+            )
+        ]
+
+    def _climb(self, frames: Sequence[str], stamps_ns: NDArray[np.int64]) -> tuple[Poses, NDArray[np.bool_]]:
+        """Return the pose of the first of these frames in the parent of the last, and when a link has none."""
+        poses, missing = Poses(*IDENTITY), np.zeros(len(stamps_ns), bool)
+        for frame in frames:
+            step, never = self._links[frame].at_all(stamps_ns)
+            poses, missing = compose_all(step, poses), missing | never
+        return poses, missing
 
     def knots_ns(self, target: str, source: str) -> list[int]:
         """Return when the links between two frames that move were sampled, sorted.
@@ -285,7 +254,7 @@ class TransformTree:
             (frame,) = parents
         return frames
 
-    def _walk(self, frame: str, stamp_ns: int) -> tuple[dict[str, Pose], _Stop | None]:
+    def _walk(self, frame: str, stamp_ns: int) -> tuple[dict[str, Pose], Stop | None]:
         """Walk up as far as the time allows: the pose of ``frame`` in itself and each ancestor, nearest first."""
         poses: dict[str, Pose] = {}
         pose = IDENTITY
@@ -294,10 +263,10 @@ class TransformTree:
             if (link := self._links.get(frame)) is None:
                 return poses, None
             step = link.at(stamp_ns)
-            if isinstance(step, _Stop):
-                return poses, _Stop(step.kind, f"for frame {frame!r}, {step.why}")
+            if isinstance(step, Stop):
+                return poses, Stop(step.kind, f"for frame {frame!r}, {step.why}")
             frame, pose = step.parent, compose(step.pose, pose)
-        return poses, _Stop("loop", f"frame {frame!r} is its own ancestor")
+        return poses, Stop("loop", f"frame {frame!r} is its own ancestor")
 
     def _hint(self) -> str:
         names = sorted(self._frames)

@@ -9,7 +9,8 @@ import pytest
 
 from garment_dataset.bags import open_bag
 from garment_dataset.bags.gripper import read_gripper
-from garment_dataset.bags.transforms import LookupFailedError, Transform, TransformTree
+from garment_dataset.bags.poses import Transform
+from garment_dataset.bags.transforms import LookupFailedError, TransformTree
 
 if TYPE_CHECKING:
     from pathlib import Path

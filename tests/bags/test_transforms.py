@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from garment_dataset.bags.poses import Transform
 from garment_dataset.bags.transforms import LookupFailedError, TransformTree
 
 if TYPE_CHECKING:
@@ -324,3 +325,53 @@ def test_an_error_crosses_a_process_boundary_whole() -> None:
         TransformTree("recorded.bag").lookup("a", "b", 0)
     copy = pickle.loads(pickle.dumps(caught.value))
     assert (str(copy), copy.kind) == (str(caught.value), "unknown frame")
+
+
+def spoken(tree: TransformTree, target: str, source: str, stamp_ns: int) -> tuple[object, ...]:
+    try:
+        found = tree.lookup(target, source, stamp_ns)
+    except LookupFailedError as error:
+        return error.kind, str(error)
+    return told(found)
+
+
+def told(found: Transform | LookupFailedError) -> tuple[object, ...]:
+    if isinstance(found, LookupFailedError):
+        return found.kind, str(found)
+    numbers = (*found.translation.tolist(), *found.quaternion_xyzw.tolist())
+    return (*numbers, found.nearest_sample_gap_ns, found.bracket_ns)
+
+
+rows = st.lists(
+    st.tuples(
+        st.sampled_from([("root", "a"), ("a", "b"), ("b", "c"), ("root", "d"), ("d", "e"), ("d", "b"), ("c", "a")]),
+        st.integers(0, 20),
+        st.sampled_from([(1.0, 2.0, 3.0), (0.5, -2.0, 0.25)]),
+        st.sampled_from([IDENTITY, QUARTER_Z, (0.6, 0.0, 0.0, 0.8)]),
+        st.sampled_from([False, False, False, True]),
+    ),
+    max_size=30,
+)
+
+
+@given(rows, st.sampled_from(["a", "c", "e", "root", "nowhere"]), st.sampled_from(["a", "c", "e", "root"]))
+def test_many_look_ups_at_once_are_the_single_ones_to_the_last_bit(
+    said: list[tuple[tuple[str, str], int, Numbers, Numbers, bool]], target: str, source: str
+) -> None:
+    tree = TransformTree()
+    for (parent, child), stamp_ns, translation, turn, static in said:
+        tree.add(parent, child, stamp_ns, translation, turn, static=static)
+    stamps_ns = list(range(-1, 23))
+    found = tree.lookups(target, source, stamps_ns)
+    assert [told(each) for each in found] == [spoken(tree, target, source, stamp_ns) for stamp_ns in stamps_ns]
+    assert tree.lookups(target, source, []) == []
+
+
+def test_points_are_taken_along_as_numpy_crosses_vectors() -> None:
+    random = np.random.default_rng(0)
+    points = random.normal(size=(2, 5, 3))
+    turn = random.normal(size=4)
+    turn /= np.linalg.norm(turn)
+    moved = Transform(np.array([1.0, 2.0, 3.0]), turn, 0, 0).apply(points)
+    once = 2.0 * np.cross(turn[:3], points)
+    assert (moved == points + turn[3] * once + np.cross(turn[:3], once) + np.array([1.0, 2.0, 3.0])).all()
