@@ -11,13 +11,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from garment_dataset.bags.rosbag1_layout import BagLayout, ChunkContent, Entry, read_chunk, read_layout, topic_of
+from garment_dataset.bags.rosbag1_sound import sound_chunks
 from garment_dataset.errors import MessageError
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Iterator, Mapping, Sequence
 
-    from rosbags.rosbag1.reader import IndexData
-
+    from garment_dataset.bags.rosbag1_index import Index
     from garment_dataset.bags.rosbag1_layout import Fields
 
 _SALVAGE = "`garment salvage` writes a bag with a new index."
@@ -37,8 +37,7 @@ class _Findings:
 
 def contradictions(
     file: memoryview,
-    index: Mapping[int, Sequence[IndexData]],
-    chunks: Iterable[int],
+    index: Index,
     open_chunk: Callable[[int], memoryview],
 ) -> Iterator[str]:
     """Yield what is wrong with a bag, in one line each.
@@ -47,21 +46,22 @@ def contradictions(
     ----------
     file : memoryview
         The whole bag.
-    index : mapping of int to sequence
-        What the index says: the messages of each connection.
-    chunks : iterable of int
-        The places of the chunks that are read.
+    index : Index
+        What its index says.
     open_chunk : callable
         Returns the plain content of one of them, or raises MessageError.
     """
-    layout = read_layout(file)
+    layout = index.layout or read_layout(file)
     table = dict(layout.table)
-    entries: dict[int, list[Entry]] = {position: [] for position in chunks}
-    for connection, indexed in index.items():
-        for each in indexed:
-            entries.setdefault(each.chunk_pos, []).append(Entry(each.offset, connection, each.time))
+    entries: dict[int, list[Entry]] = {position: [] for position in index.stored}
+    columns = (index.chunks, index.offsets, index.numbers, index.stamps_ns)
+    for position, *entry in zip(*[each.tolist() for each in columns], strict=True):
+        entries[position].append(Entry(*entry))
     found = _Findings()
+    sound = sound_chunks(entries, table, open_chunk)
     for position, named in sorted(entries.items()):
+        if position in sound:
+            continue
         try:
             content = read_chunk(open_chunk(position))
         except MessageError as error:

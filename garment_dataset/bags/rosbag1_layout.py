@@ -34,13 +34,15 @@ if TYPE_CHECKING:
 
 # The headers that nearly all records have, their fields in any order: to match one is far faster than to read it.
 # Of fields so long, a header of that length has each once; or, in an index record, at least the op.
-_USUAL_MESSAGE = re.compile(
+USUAL_MESSAGE = re.compile(
     rb"\x26\0\0\0(?:\x04\0\0\0op=\x02|\x09\0\0\0conn=(?P<conn>.{4})|\x0d\0\0\0time=(?P<time>.{8})){3}", re.DOTALL
 )
-_USUAL_INDEX = re.compile(
-    rb"\x2f\0\0\0(?:\x04\0\0\0op=\x04|\x08\0\0\0ver=.{4}|\x09\0\0\0conn=.{4}|\x0a\0\0\0count=.{4}){4}", re.DOTALL
+USUAL_INDEX = re.compile(
+    rb"\x2f\0\0\0(?:\x04\0\0\0(?P<op>op)=\x04|\x08\0\0\0ver=(?P<ver>.{4})"
+    rb"|\x09\0\0\0conn=(?P<conn>.{4})|\x0a\0\0\0count=(?P<count>.{4})){4}",
+    re.DOTALL,
 )
-_USUAL_MESSAGE_BYTES, _USUAL_INDEX_BYTES = 4 + 0x26, 4 + 0x2F
+USUAL_MESSAGE_BYTES, USUAL_INDEX_BYTES = 4 + 0x26, 4 + 0x2F
 PAIR = struct.Struct("<II")
 TOPIC = b"topic of the record"  # it stands in the header of a connection record, too
 
@@ -109,7 +111,7 @@ def read_chunk(content: memoryview) -> ChunkContent:
     position = 0
     try:
         while position < len(content):
-            if (entry := _usual_message(content, position)) is not None:
+            if (entry := usual_message(content, position)) is not None:
                 end = skip_record(content, position)
             else:
                 record = read_record(content, position)
@@ -130,10 +132,10 @@ def read_chunk(content: memoryview) -> ChunkContent:
     return found
 
 
-def _usual_message(content: memoryview, position: int) -> Entry | None:
+def usual_message(content: memoryview, position: int) -> Entry | None:
     """Return the message at ``position`` if its header is of the usual length."""
-    match = _USUAL_MESSAGE.match(content, position)
-    if match is None or match.end() - position != _USUAL_MESSAGE_BYTES:
+    match = USUAL_MESSAGE.match(content, position)
+    if match is None or match.end() - position != USUAL_MESSAGE_BYTES:
         return None
     seconds, nanoseconds = TIME.unpack(match["time"])
     return Entry(position, UINT32.unpack(match["conn"])[0], seconds * 10**9 + nanoseconds)
@@ -161,7 +163,7 @@ def _read_chunks(layout: BagLayout, content: memoryview, start: int, end: int) -
     content = content[:end]
     last = -1
     while start < end:
-        if last >= 0 and (match := _USUAL_INDEX.match(content, start)) and match.end() - start == _USUAL_INDEX_BYTES:
+        if last >= 0 and (match := USUAL_INDEX.match(content, start)) and match.end() - start == USUAL_INDEX_BYTES:
             layout.chunks[last] += 1
             start = skip_record(content, start)
             continue

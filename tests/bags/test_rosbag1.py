@@ -17,7 +17,8 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from rosbags.rosbag1 import Writer
 
-from garment_dataset.bags import Topic, open_bag, rosbag1
+from garment_dataset.bags import Topic, open_bag, rosbag1_chunks
+from garment_dataset.bags.inflation import inflate
 from garment_dataset.bags.rosbag1_scan import scan_bag
 from garment_dataset.bags.rosbag1_writer import BagWriter
 from garment_dataset.errors import BagError, DataWarning, GarmentError, MessageError
@@ -154,13 +155,13 @@ def test_a_chunk_is_inflated_once(
     ros1: Any, write_bag: WriteBag, compression: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     entries = [(topic, IMAGE, START_NS + n, depth_message(ros1, n)) for n in range(6) for topic in ("/a", "/b")]
-    inflate, calls = rosbag1._inflate, Counter[int]()
+    calls = Counter[bytes]()
 
-    def counted(stored: Any) -> bytes:
-        calls[id(stored)] += 1
-        return inflate(stored)
+    def counted(name: str, data: memoryview, size_bytes: int) -> bytes:
+        calls[bytes(data)] += 1
+        return inflate(name, data, size_bytes)
 
-    monkeypatch.setattr(rosbag1, "_inflate", counted)
+    monkeypatch.setattr(rosbag1_chunks, "inflate", counted)
     with open_bag(write_bag(entries, compression)) as bag:
         for topic in ("/a", "/b", "/a"):
             assert [message.pixels()[0, 0] for message in bag.images(topic, "depth")] == list(range(6))
