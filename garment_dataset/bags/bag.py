@@ -2,20 +2,19 @@
 
 from __future__ import annotations
 
-import errno
 import warnings
 from abc import ABC, abstractmethod
-from contextlib import contextmanager
 from hashlib import blake2b
 from typing import TYPE_CHECKING, ClassVar
 
-from garment_dataset.bags.definitions import UNREADABLE, leading_header, reason, typestore_of
+from garment_dataset.bags.definitions import UNREADABLE, has_common_transforms, leading_header, reason, typestore_of
 from garment_dataset.bags.headers import ImageHeader, read_image, read_stamp_ns
 from garment_dataset.bags.messages import Glance, ImageMessage, Message, Record, Topic, image_forms
-from garment_dataset.errors import BagError, DataWarning, MessageError, SourceError
+from garment_dataset.bags.stated_transforms import TRANSFORMS, read_stated_transforms, stated_transforms
+from garment_dataset.errors import BagError, DataWarning, MessageError
 
 if TYPE_CHECKING:
-    from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+    from collections.abc import Callable, Collection, Iterable, Iterator, Mapping, Sequence
     from pathlib import Path
     from types import TracebackType
     from typing import Self
@@ -23,14 +22,9 @@ if TYPE_CHECKING:
     from rosbags.interfaces import Connection
 
     from garment_dataset.bags.images import Kind
+    from garment_dataset.bags.stated_transforms import StatedTransform
 
 _WHOLE_BYTES, _END_BYTES = 4096, 256  # of longer messages, a glance takes both ends: reading images takes seconds
-
-# Other numbers, such as that of a seek to a senseless place, and errors without one, come from the data
-_OF_THE_MACHINE = {
-    *(errno.EACCES, errno.EPERM, errno.EIO, errno.ENOMEM, errno.EMFILE, errno.ENFILE, errno.ENOSPC),
-    *(errno.ENODEV, errno.ENXIO, errno.ESTALE, errno.ETIMEDOUT),
-}
 
 
 class Bag(ABC):
@@ -123,6 +117,38 @@ class Bag(ABC):
         BagError
             If the bag is closed, or (rosbag2 only) if its storage is damaged.
         """
+        return self._messages(topics, self._deserialise)
+
+    def transforms(self, *topics: str) -> Iterator[Message]:
+        """Do as :meth:`messages` on topics of transforms, faster: ``data`` is a list of StatedTransform.
+
+        Messages of other types have None.
+        """
+        return self._messages(topics, self._transforms)
+
+    def distinct(self, topic: str) -> list[tuple[Message, int]]:
+        """Do as :meth:`messages`, each message once that says the same but for the stamp of its header.
+
+        Returns
+        -------
+        list of (Message, int)
+            The first that says so, and how many do. A camera says the same all along.
+        """
+        known: dict[bytes, object] = {}
+
+        def read(record: Record) -> object:
+            said = self._but_for_stamp(record)
+            if said not in known:
+                known[said] = self._deserialise(record)
+            return known[said]
+
+        found: dict[int, tuple[Message, int]] = {}
+        for message in self._messages((topic,), read):
+            first, count = found.get(id(message.data), (message, 0))
+            found[id(message.data)] = first, count + 1
+        return list(found.values())
+
+    def _messages(self, topics: Collection[str], read: Callable[[Record], object]) -> Iterator[Message]:
         counts = dict.fromkeys(topics, 0)
         left_out: dict[str, list[str]] = {}
         for record in self._records(counts.keys()):
@@ -130,7 +156,7 @@ class Bag(ABC):
             index = counts[topic]
             counts[topic] += 1
             try:
-                data = self._deserialise(record)
+                data = read(record)
             except MessageError as error:
                 left_out.setdefault(topic, []).append(f"{index} ({error})")
             else:
@@ -216,6 +242,23 @@ class Bag(ABC):
         except UNREADABLE as error:
             raise MessageError("cannot be read", found=reason(error)) from error
 
+    def _transforms(self, record: Record) -> list[StatedTransform] | None:
+        connection = record.connection
+        if not self._cdr and has_common_transforms(connection.msgtype, connection.msgdef):
+            stated = read_stated_transforms(record.read().data)
+            if stated is not None:
+                return stated
+        message = self._deserialise(record)  # says, too, what is wrong with one that is damaged
+        return stated_transforms(message) if connection.msgtype in TRANSFORMS else None
+
+    def _but_for_stamp(self, record: Record) -> bytes:
+        """Return a message without the stamp that it begins with, if it does; and by whose definition it is read."""
+        data, connection = record.read().data, record.connection
+        before, behind = (4, 12) if self._cdr else (0, 12)  # the encapsulation stays; the sequence number goes, too
+        if leading_header(connection.msgtype, connection.msgdef) != "header":
+            before = behind = 0
+        return b"".join((connection.id.to_bytes(8), data[:before], data[behind:]))
+
     def _check_open(self) -> None:
         if self._closed:
             raise BagError("is closed", where=self.path)
@@ -230,30 +273,6 @@ def summarise(connections: Iterable[Connection]) -> dict[str, Topic]:
         name: Topic(name, tuple(sorted({each.msgtype for each in same})), sum(each.msgcount for each in same))
         for name, same in sorted(by_name.items())
     }
-
-
-@contextmanager
-def reporting(path: Path, what: str, hint: str) -> Iterator[None]:
-    """Report whatever goes wrong with a recording in one line.
-
-    Raises
-    ------
-    SourceError
-        If the machine cannot read it: no permission, no memory, a failing disk. The recording may be sound.
-    BagError
-        If what was read cannot be understood.
-    """
-    try:
-        yield
-    except (BagError, SourceError):
-        raise
-    except Exception as error:  # rosbags lets through what its libraries raise, and asserts what damage breaks
-        for each in (error, error.__cause__):
-            if isinstance(each, MemoryError):
-                raise SourceError("cannot be read", where=path, found="not enough memory") from error
-            if isinstance(each, OSError) and each.errno in _OF_THE_MACHINE:
-                raise SourceError("cannot be read", where=path, found=each.strerror) from error
-        raise BagError(what, where=path, found=reason(error), hint=hint) from error
 
 
 def _shortened(texts: Sequence[str], most: int = 5) -> str:

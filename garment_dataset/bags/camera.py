@@ -124,14 +124,14 @@ def read_camera(
         found = ", ".join(bag.topics[topic].types)
         raise BagError("topic of another type", where=where, expected=_CAMERA_INFO, found=found)
     use = _Use(rectified, image_size_px)
-    answers = [_camera(message.data, use) for message in bag.messages(topic)]
+    answers = [(_camera(message.data, use), count) for message, count in bag.distinct(topic)]
     if not answers:
         what = "no readable message" if bag.topics[topic].count else "no message on it"
         raise BagError(what, where=where)
-    first, notes = answers[0]
+    first, notes = answers[0][0]
     _check_calibrated(first, where)
-    if others := sum(answer.camera != first for answer in answers):
-        notes += (f"{others} of {len(answers)} messages contradict the first, which is used",)
+    if others := sum(count for answer, count in answers if answer.camera != first):
+        notes += (f"{others} of {sum(count for _, count in answers)} messages contradict the first, which is used",)
     for note in notes:
         warnings.warn(f"{bag.path.name}: {topic}: {note}", DataWarning, stacklevel=2)
     return first

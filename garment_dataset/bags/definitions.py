@@ -48,6 +48,27 @@ def typestore_of(message_type: str, definition: MessageDefinition) -> Typestore 
 
 
 _HEADER = "std_msgs/msg/Header"
+_TRANSFORM = "geometry_msgs/msg/TransformStamped"
+
+
+@lru_cache(maxsize=256)
+def has_common_transforms(message_type: str, definition: MessageDefinition) -> bool:
+    """Return whether messages of this definition are a list of transforms, each exactly as ROS 1 defines it."""
+    store, (common, _) = typestore_of(message_type, definition), _common_types()
+    if isinstance(store, str) or message_type not in store.fielddefs:
+        return False
+    fields = [kind for _, kind in store.fielddefs[message_type][1]]
+    if fields != [(Nodetype.SEQUENCE, ((Nodetype.NAME, _TRANSFORM), 0))]:
+        return False
+    pending, types = [_TRANSFORM], set[str]()
+    while pending:
+        name = pending.pop()
+        if store.fielddefs.get(name, ())[1:] != common.fielddefs[name][1:]:
+            return False
+        types.add(name)
+        pending += set(_parts(common.fielddefs, name)) - types
+    return True
+
 
 Leading = Literal["header", "headers"]
 """What a message begins with: a header, or the number of its parts, each of which begins with one, as transforms do."""

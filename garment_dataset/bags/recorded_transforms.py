@@ -9,6 +9,7 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from garment_dataset.bags.stamps import TRANSFORM_DISORDER_S, Stamped, check_stamps, median_offset_ns
+from garment_dataset.bags.stated_transforms import TRANSFORMS
 from garment_dataset.bags.transforms import TransformTree
 from garment_dataset.errors import DataWarning
 
@@ -16,16 +17,14 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from garment_dataset.bags.bag import Bag
-
-TRANSFORMS = ("tf2_msgs/msg/TFMessage", "tf/msg/tfMessage")
-"""Types of the transforms' topics."""
+    from garment_dataset.bags.stated_transforms import StatedTransform
 
 
 class _Recorded(NamedTuple):
     """One transform as it was published: a message holds several."""
 
     times: Stamped
-    transform: Any
+    transform: StatedTransform
 
 
 def header_stamp_ns(stamped: Any) -> int:  # noqa: ANN401 - a deserialised message
@@ -72,20 +71,20 @@ class RecordedTransforms:
         from the record times, or out of order by more than :data:`TRANSFORM_DISORDER_S` among those of its link.
         """
         tree, left_out, moving = TransformTree(), Counter[str](), list[_Recorded]()
-        for message in self.bag.messages(self.tf_topic, self.tf_static_topic):
+        for message in self.bag.transforms(self.tf_topic, self.tf_static_topic):
             if message.type not in TRANSFORMS:
                 left_out[f"{message.topic}, of type {message.type} instead of {' or '.join(TRANSFORMS)}"] += 1
                 continue
-            for stamped in message.data.transforms:
+            for stated in message.data:
                 if message.topic == self.tf_static_topic:
-                    _add(tree, stamped, static=True)
+                    tree.add(*stated, static=True)
                 else:
-                    times = Stamped(len(moving), header_stamp_ns(stamped), message.record_stamp_ns)
-                    moving.append(_Recorded(times, stamped))
+                    times = Stamped(len(moving), stated.stamp_ns, message.record_stamp_ns)
+                    moving.append(_Recorded(times, stated))
         wrong = self._wrong_stamps(moving)
         for each in moving:
             if each.times.number not in wrong:
-                _add(tree, each.transform, static=False)
+                tree.add(*each.transform)
         if tree.refused:
             text = f"{self.bag.path.name}: {tree.refused} malformed transforms left out"
             warnings.warn(text, DataWarning, stacklevel=2)
@@ -97,7 +96,7 @@ class RecordedTransforms:
         offset_ns = median_offset_ns(each.times for each in transforms)
         links: dict[str, list[Stamped]] = {}
         for each in transforms:
-            links.setdefault(each.transform.child_frame_id.lstrip("/"), []).append(each.times)
+            links.setdefault(each.transform.child.lstrip("/"), []).append(each.times)
         wrong: dict[int, str] = {}
         for times in links.values():
             checked = check_stamps(
@@ -112,15 +111,3 @@ class RecordedTransforms:
             where = f"{self.bag.path.name}: {text}"
             warnings.warn(f"{where}, first: {next(iter(wrong.values()))}", DataWarning, stacklevel=3)
         return set(wrong)
-
-
-def _add(tree: TransformTree, stamped: Any, *, static: bool) -> None:  # noqa: ANN401 - a deserialised message
-    move, turn = stamped.transform.translation, stamped.transform.rotation
-    tree.add(
-        stamped.header.frame_id,
-        stamped.child_frame_id,
-        header_stamp_ns(stamped),
-        (move.x, move.y, move.z),
-        (turn.x, turn.y, turn.z, turn.w),
-        static=static,
-    )

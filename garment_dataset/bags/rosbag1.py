@@ -17,14 +17,16 @@ from typing import TYPE_CHECKING, BinaryIO, cast
 
 from rosbags.rosbag1 import Reader
 
-from garment_dataset.bags.bag import Bag, reporting, summarise
+from garment_dataset.bags.bag import Bag, summarise
 from garment_dataset.bags.mapped import mapped
 from garment_dataset.bags.messages import Payload, Record
 from garment_dataset.bags.reindexed import Reindexed, index_anew
+from garment_dataset.bags.reporting import reporting
 from garment_dataset.bags.rosbag1_check import contradictions
 from garment_dataset.bags.rosbag1_chunks import Chunks
 from garment_dataset.bags.rosbag1_index import Index, from_entries, read_usual_index
-from garment_dataset.bags.rosbag1_records import CONNECTION, MAGIC, MESSAGE, read_record
+from garment_dataset.bags.rosbag1_layout import USUAL_MESSAGE_BYTES, usual_message
+from garment_dataset.bags.rosbag1_records import CONNECTION, MAGIC, MESSAGE, data_of, read_record
 from garment_dataset.errors import BagError, MessageError
 
 if TYPE_CHECKING:
@@ -103,6 +105,8 @@ class Rosbag1(Bag):
         assert self._chunks is not None
         chunk = self._chunks.open(chunk_position)
         try:
+            if usual_message(chunk.data, offset) == (offset, connection_id, time_ns):
+                return _part(chunk, *data_of(chunk.data, offset + USUAL_MESSAGE_BYTES))
             record = read_record(chunk.data, offset)
             while record.fields.get(b"op") == CONNECTION:  # before the first message of its publisher; indexed too
                 record = read_record(chunk.data, record.data.stop)
@@ -116,8 +120,7 @@ class Rosbag1(Bag):
             raise MessageError(
                 f"record at byte {offset}", where=where, expected=f"op, conn, time {expected}", found=found
             )
-        offset_bytes = None if chunk.offset_bytes is None else chunk.offset_bytes + record.data.start
-        return Payload(chunk.data[record.data], offset_bytes)
+        return _part(chunk, record.data.start, record.data.stop)
 
     def _release(self) -> None:
         if self._chunks is not None:
@@ -134,6 +137,10 @@ class _MappedPath:
     def open(self, _: str) -> BinaryIO:
         with self._path.open("rb") as file:
             return cast("BinaryIO", mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ))
+
+
+def _part(chunk: Payload, start: int, stop: int) -> Payload:
+    return Payload(chunk.data[start:stop], None if chunk.offset_bytes is None else chunk.offset_bytes + start)
 
 
 def _check_magic(path: Path) -> None:

@@ -103,6 +103,11 @@ def skip_record(content: memoryview, position: int) -> int:
     return _end(content, _end(content, position, "header"), "data")
 
 
+def data_of(content: memoryview, position: int) -> tuple[int, int]:
+    """Return where the data of a record lie, whose header ends at ``position``; MessageError if they do not fit."""
+    return position + UINT32.size, _end(content, position, "data")
+
+
 def walk(content: memoryview, start: int, end: int, ops: Collection[bytes]) -> Iterator[RosRecord]:
     """Yield the records that follow each other from ``start`` to exactly ``end``, all of these kinds.
 

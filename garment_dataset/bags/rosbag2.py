@@ -9,8 +9,9 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING, Any, cast
 
-from garment_dataset.bags.bag import Bag, reporting, summarise
+from garment_dataset.bags.bag import Bag, summarise
 from garment_dataset.bags.messages import Payload, Record
+from garment_dataset.bags.reporting import reporting
 from garment_dataset.bags.rosbag2_check import check_lengths, check_mcap, check_metadata, check_sqlite
 from garment_dataset.bags.rosbag2_storage import METADATA, Rosbag2Reader
 from garment_dataset.errors import BagError, MessageError

@@ -12,8 +12,8 @@ from contextlib import suppress
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from garment_dataset.bags.bag import reporting
 from garment_dataset.bags.mapped import mapped
+from garment_dataset.bags.reporting import reporting
 from garment_dataset.bags.rosbag1 import Rosbag1
 from garment_dataset.bags.rosbag1_layout import TOPIC
 from garment_dataset.bags.rosbag1_recovery import Losses, learn_connections, recover

@@ -11,7 +11,7 @@ import numpy as np
 from garment_dataset.bags.camera import is_rectified, read_camera
 from garment_dataset.bags.gripper import read_gripper
 from garment_dataset.bags.headers import IMAGES
-from garment_dataset.bags.recorded_transforms import TRANSFORMS, RecordedTransforms
+from garment_dataset.bags.recorded_transforms import RecordedTransforms
 from garment_dataset.bags.stamps import (
     SAMPLE_DISORDER_S,
     TRANSFORM_DISORDER_S,
@@ -20,6 +20,7 @@ from garment_dataset.bags.stamps import (
     clock_note,
     median_offset_ns,
 )
+from garment_dataset.bags.stated_transforms import TRANSFORMS
 from garment_dataset.checks.facts import CameraFacts, Facts, GripperFacts, ImageFacts, Sample, Some, TopicFacts
 from garment_dataset.errors import BagError, DataWarning, MessageError
 

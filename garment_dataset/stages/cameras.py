@@ -11,11 +11,11 @@ from garment_dataset.engine.table import Column, TableSpec
 from garment_dataset.errors import BagError, DataWarning
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     import pyarrow as pa
 
-    from garment_dataset.bags import Bag, Camera
+    from garment_dataset.bags import Bag, Camera, ImageMessage
     from garment_dataset.bags.images import DepthReading
 
     Row = dict[str, Any]
@@ -47,7 +47,12 @@ CAMERA = TableSpec(
 
 
 def read_cameras(
-    bag: Bag, usable: Mapping[Stream, list[Row]], topics: Mapping[Stream, str], *, depth_unit_mm: float
+    bag: Bag,
+    usable: Mapping[Stream, list[Row]],
+    topics: Mapping[Stream, str],
+    depth_images: Sequence[ImageMessage],
+    *,
+    depth_unit_mm: float,
 ) -> Columns:
     """Return the camera of each stream.
 
@@ -59,6 +64,8 @@ def read_cameras(
         Rows of ``frames`` without a fault, by stream.
     topics : mapping of str to str
         The ``camera_info`` of each stream.
+    depth_images : sequence of ImageMessage
+        All of them, by their number.
     depth_unit_mm : float
         How many millimetres a stored depth is.
 
@@ -84,7 +91,7 @@ def read_cameras(
             continue
         depths: Row = {"depth_unit_mm": None, "bytes_swapped": None}
         if name == "depth":
-            depths = _settle_depths(bag, rows, depth_unit_mm)
+            depths = _settle_depths(bag, rows, depth_images, depth_unit_mm)
         for column, value in {"stream": name, **asdict(camera), **depths}.items():
             columns[column].append(value)
     return columns
@@ -126,17 +133,17 @@ def _read_camera(bag: Bag, name: Stream, info_topic: str, usable: list[Row]) -> 
     return camera
 
 
-def _settle_depths(bag: Bag, usable: list[Row], unit_mm: float) -> Row:
+def _settle_depths(bag: Bag, usable: list[Row], images: Sequence[ImageMessage], unit_mm: float) -> Row:
     """Return in which unit and byte order the depths are, by a few images that are spread over the recording."""
     from garment_dataset.bags.depth_reading import SAMPLE, settle_reading
 
     if not usable:
         return {"depth_unit_mm": unit_mm, "bytes_swapped": False}
     topic = usable[0]["topic"]
-    wanted = {usable[len(usable) * part // SAMPLE]["frame"] for part in range(SAMPLE)}
-    images = [image for image in bag.images(topic, "depth") if image.index in wanted]
+    wanted = sorted({usable[len(usable) * part // SAMPLE]["frame"] for part in range(SAMPLE)})
+    chosen = [images[number] for number in wanted]
     # every fourth row: neighbours within a row are compared
-    reading, notes = settle_reading(lambda reading: [image.pixels(reading)[::4] for image in images], unit_mm)
+    reading, notes = settle_reading(lambda reading: [image.pixels(reading)[::4] for image in chosen], unit_mm)
     for note in notes:
         warnings.warn(f"{bag.path.name}: {topic}: {note}", DataWarning, stacklevel=3)
     return {"depth_unit_mm": reading.unit_mm, "bytes_swapped": reading.swapped}

@@ -13,7 +13,7 @@ from garment_dataset.stages.decode_tables import FRAMES, GRIPPER, JOINTS, WORLD
 from garment_dataset.stages.stage import Stage, StageParams
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
     from pathlib import Path
 
     import pyarrow as pa
@@ -85,13 +85,11 @@ def decode(bag: Path, params: DecodeParams) -> dict[str, pa.Table]:
         for text in opened.contradictions():
             warnings.warn(f"{bag.name}: {text}", DataWarning, stacklevel=2)
         topics = _image_topics(opened, params)
-        streams = {
-            name: [_frame_row(name, topic, image) for image in opened.images(topic, name)]
-            for name, topic in topics.items()
-        }
+        images = {name: list(opened.images(topic, name)) for name, topic in topics.items()}
+        streams = {name: [_frame_row(name, topics[name], image) for image in seen] for name, seen in images.items()}
         for name, rows in streams.items():
             _check_stamps(f"{bag.name}: {topics[name]}", rows, params.max_stamp_offset_s)
-        camera = CAMERA.table(_read_cameras(opened, streams, params))
+        camera = CAMERA.table(_read_cameras(opened, streams, images.get("depth", []), params))
         transforms = RecordedTransforms(opened, params.tf_topic, params.tf_static_topic, params.max_stamp_offset_s)
         gripper = GRIPPER.table(_read_grippers(transforms, streams, params))
         joints = JOINTS.table(_read_joints(opened, params))
@@ -176,7 +174,9 @@ def _check_stamps(where: str, rows: list[Row], max_offset_s: float) -> None:
         warnings.warn(f"{where}: {note}", DataWarning, stacklevel=3)
 
 
-def _read_cameras(bag: Bag, frames: Mapping[Stream, list[Row]], params: DecodeParams) -> Columns:
+def _read_cameras(
+    bag: Bag, frames: Mapping[Stream, list[Row]], depth_images: Sequence[ImageMessage], params: DecodeParams
+) -> Columns:
     """Return the camera of each stream, for its usable images."""
     from garment_dataset.bags.camera import camera_info_beside
 
@@ -185,7 +185,7 @@ def _read_cameras(bag: Bag, frames: Mapping[Stream, list[Row]], params: DecodePa
         "depth": params.depth_camera_info_topic or camera_info_beside(params.depth_topic),
         "color": params.color_camera_info_topic or camera_info_beside(params.color_topic),
     }
-    return read_cameras(bag, usable, topics, depth_unit_mm=params.depth_unit_mm)
+    return read_cameras(bag, usable, topics, depth_images, depth_unit_mm=params.depth_unit_mm)
 
 
 def _read_grippers(
