@@ -23,7 +23,7 @@ from garment_dataset.bags.messages import Payload, Record
 from garment_dataset.bags.reindexed import Reindexed, index_anew
 from garment_dataset.bags.reporting import reporting
 from garment_dataset.bags.rosbag1_check import contradictions
-from garment_dataset.bags.rosbag1_chunks import Chunks
+from garment_dataset.bags.rosbag1_chunks import Chunks, file_state
 from garment_dataset.bags.rosbag1_index import Index, from_entries, read_usual_index
 from garment_dataset.bags.rosbag1_layout import USUAL_MESSAGE_BYTES, usual_message
 from garment_dataset.bags.rosbag1_records import CONNECTION, MAGIC, MESSAGE, data_of, read_record
@@ -60,11 +60,12 @@ class Rosbag1(Bag):
         _check_magic(path)
         self.is_indexed_anew = False
         with reporting(path, "cannot be opened", _SALVAGE):
+            state = file_state(path)
             self._content = mapped(path)
         with reporting(path, "its index cannot be read", _SALVAGE):
             self._index = self._read_index()
             self._connections = {each.id: each for each in self._index.connections}
-            self._chunks: Chunks | None = Chunks(self._content, self._index.stored)
+            self._chunks: Chunks | None = Chunks(self._content, self._index.stored, state)
         self.topics = summarise(self._connections.values())
 
     def _read_index(self) -> Index:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 import itertools
+import os
 import struct
 import warnings
 from collections import Counter
@@ -167,6 +168,60 @@ def test_a_chunk_is_inflated_once(
             assert [message.pixels()[0, 0] for message in bag.images(topic, "depth")] == list(range(6))
     assert set(calls.values()) == {1}
     assert len(calls) == 12
+
+
+def inflations(path: Path, monkeypatch: pytest.MonkeyPatch) -> tuple[int, list[int]]:
+    """Open a bag and read its images: how many chunks are inflated for it, and a pixel of each image."""
+    count = Counter[str]()
+
+    def counted(name: str, data: memoryview, size_bytes: int) -> bytes:
+        count[name] += 1
+        return inflate(name, data, size_bytes)
+
+    with monkeypatch.context() as patched, open_bag(path) as bag:
+        patched.setattr(rosbag1_chunks, "inflate", counted)
+        assert bag.contradictions() == []
+        pixels = [int(message.pixels()[0, 0]) for message in bag.images("/depth", "depth")]
+    return count.total(), pixels
+
+
+@pytest.mark.parametrize("compression", ["lz4", "bz2"])
+def test_the_same_bag_is_not_inflated_again(
+    ros1: Any, write_bag: WriteBag, compression: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    one, other = (
+        write_bag([("/depth", IMAGE, START_NS + n, depth_message(ros1, n + more)) for n in range(20)], compression)
+        for more in (0, 100)
+    )
+    for path in (one, other):
+        os.utime(path, (10**9, 10**9))
+    assert inflations(one, monkeypatch) == (20, list(range(20)))
+    assert inflations(one, monkeypatch) == (0, list(range(20)))
+    assert inflations(other, monkeypatch) == (20, list(range(100, 120)))
+    assert inflations(one, monkeypatch)[0] == 20  # only the last is kept
+
+
+def test_a_bag_that_has_changed_is_inflated_again(
+    ros1: Any, write_bag: WriteBag, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    bags = {
+        value: write_bag([("/depth", IMAGE, START_NS, depth_message(ros1, value))], "lz4").read_bytes()
+        for value in range(1, 9)
+    }
+    alike = Counter(map(len, bags.values())).most_common(1)[0][0]
+    one, other = [value for value, content in bags.items() if len(content) == alike][:2]
+    path = write_bag([("/depth", IMAGE, START_NS, depth_message(ros1, 1))], "lz4")
+    for changed_s, value in ((10**9, one), (10**9 + 1, other), (10**9, one)):
+        path.write_bytes(bags[value])
+        os.utime(path, (changed_s, changed_s))
+        assert inflations(path, monkeypatch) == (1, [value])
+
+
+def test_of_a_bag_that_has_just_changed_nothing_is_kept(
+    ros1: Any, write_bag: WriteBag, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = write_bag([("/depth", IMAGE, START_NS, depth_message(ros1, 1))], "lz4")
+    assert [inflations(path, monkeypatch)[0] for _ in range(2)] == [1, 1]
 
 
 def test_messages_come_by_record_stamp_then_by_place(write_bag: WriteBag) -> None:
