@@ -8,7 +8,7 @@ from hashlib import blake2b
 from typing import TYPE_CHECKING, ClassVar
 
 from garment_dataset.bags.definitions import UNREADABLE, has_common_transforms, leading_header, reason, typestore_of
-from garment_dataset.bags.headers import ImageHeader, read_image, read_stamp_ns
+from garment_dataset.bags.headers import ImageHeader, ImageHeaders, read_stamp_ns
 from garment_dataset.bags.messages import Glance, ImageMessage, Message, Record, Topic, image_forms
 from garment_dataset.bags.stated_transforms import TRANSFORMS, read_stated_transforms, stated_transforms
 from garment_dataset.errors import BagError, DataWarning, MessageError
@@ -94,7 +94,8 @@ class Bag(ABC):
         """
         if topic not in self.topics:
             raise BagError("no such topic", where=self.path, expected=topic, found=", ".join(self.topics))
-        return (self._image(index, record, kind) for index, record in enumerate(self._records({topic})))
+        headers = ImageHeaders(kind, cdr=self._cdr)
+        return (self._image(index, record, headers) for index, record in enumerate(self._records({topic})))
 
     def glances(self, topic: str) -> Iterator[Glance]:
         """Yield what the first and the last bytes of each message of a topic tell; a topic that is missing has none.
@@ -193,14 +194,14 @@ class Bag(ABC):
             if error is None:
                 raise
 
-    def _image(self, index: int, record: Record, kind: Kind) -> ImageMessage:
+    def _image(self, index: int, record: Record, headers: ImageHeaders) -> ImageMessage:
         offset_bytes = None
         try:
             payload = record.read()
         except MessageError as error:
             header = ImageHeader(fault=str(error))
         else:
-            header = read_image(payload.data, record.connection.msgtype, kind, cdr=self._cdr)
+            header = headers.read(payload.data, record.connection.msgtype)
             if not (payload.offset_bytes is None or header.start_bytes is None or header.compressed):
                 offset_bytes = payload.offset_bytes + header.start_bytes
         return ImageMessage(

@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from garment_dataset.bags.fields import Fields
 from garment_dataset.bags.image_files import JPEG, PNG
 from garment_dataset.bags.images import (
     ENCODINGS,
@@ -36,8 +37,6 @@ if TYPE_CHECKING:
     from garment_dataset.bags.definitions import Leading
 
 Decode = Callable[[memoryview, DepthReading], "NDArray[Any]"]
-
-_MOST_TEXT_BYTES = 256  # frame ids and encodings are names; what is longer is damage
 
 
 @dataclass(slots=True)
@@ -69,74 +68,7 @@ class ImageHeader:
     decode: Decode | None = None
 
 
-class _Fields:
-    """The fields of a serialised message, read one after the other and never beyond its end."""
-
-    def __init__(self, data: memoryview, *, cdr: bool) -> None:
-        self.position = 0
-        self._data = data
-        self._cdr = cdr
-        self._uint32 = struct.Struct("<I")
-        if cdr:
-            if (encapsulation := bytes(data[:2])) not in {b"\0\0", b"\0\1"}:
-                raise MessageError("encapsulation", expected="plain CDR", found=encapsulation)
-            self._uint32 = struct.Struct("<I" if encapsulation[1] else ">I")
-            self.position = 4  # what CDR aligns to; a multiple of 4 itself
-
-    def uint8(self, name: str) -> int:
-        self._need(name, 1)
-        self.position += 1
-        return self._data[self.position - 1]
-
-    def uint32(self, name: str) -> int:
-        if self._cdr:
-            self.position += -self.position % 4
-        self._need(name, 4)
-        self.position += 4
-        value: int = self._uint32.unpack_from(self._data, self.position - 4)[0]
-        return value
-
-    def length(self, name: str) -> int:
-        if (value := self.uint32(name)) >= 2**31:
-            raise MessageError(name, expected="less than 2**31", found=value)
-        return value
-
-    def sequence(self, name: str) -> tuple[int, int]:
-        """Return where the bytes of a string or an array start, and how many there are."""
-        size = self.uint32(name)
-        self._need(name, size)
-        self.position += size
-        return self.position - size, size
-
-    def view(self, start: int, size: int) -> memoryview:
-        return self._data[start : start + size]
-
-    def text(self, name: str) -> str:
-        raw = bytes(self.view(*self.sequence(name)))
-        text = (raw.removesuffix(b"\0") if self._cdr else raw).decode(errors="replace")
-        if len(raw) > _MOST_TEXT_BYTES or "\N{REPLACEMENT CHARACTER}" in text or not text.isprintable():
-            raise MessageError(name, expected=f"printable text of at most {_MOST_TEXT_BYTES} bytes", found=raw[:32])
-        return text
-
-    def stamp_ns(self) -> int:
-        if not self._cdr:
-            self.uint32("seq")
-        seconds, nanoseconds = self.uint32("stamp"), self.uint32("stamp")
-        if nanoseconds >= 10**9:
-            raise MessageError("stamp", expected="less than 1e9 nanoseconds", found=nanoseconds)
-        return seconds * 10**9 + nanoseconds
-
-    def end(self) -> None:
-        padding = 3 if self._cdr else 0
-        if len(self._data) - self.position > padding:
-            raise MessageError("message", expected=f"{self.position} bytes", found=f"{len(self._data)} bytes")
-
-    def _need(self, name: str, size: int) -> None:
-        if (left := len(self._data) - self.position) < size:
-            raise MessageError(name, expected=f"{size} bytes", found=f"{left} bytes before the end of the message")
-
-
-def _read_raw(fields: _Fields, header: ImageHeader, kind: Kind) -> Decode:
+def _read_raw(fields: Fields, header: ImageHeader, kind: Kind) -> Decode:
     header.height_px = fields.length("height")
     header.width_px = fields.length("width")
     header.encoding = fields.text("encoding")
@@ -170,7 +102,7 @@ def _check_size(encoding: Encoding, width_px: int, height_px: int) -> None:
         raise MessageError("size", expected=expected, found=found)
 
 
-def _read_compressed(fields: _Fields, header: ImageHeader, kind: Kind) -> Decode:
+def _read_compressed(fields: Fields, header: ImageHeader, kind: Kind) -> Decode:
     header.compressed = True
     header.encoding = fields.text("format")
     header.start_bytes, header.size_bytes = fields.sequence("data")
@@ -191,8 +123,13 @@ def _read_compressed(fields: _Fields, header: ImageHeader, kind: Kind) -> Decode
     return lambda data, _: color(data)
 
 
-_READERS: dict[str, Callable[[_Fields, ImageHeader, Kind], Decode]] = {
-    "sensor_msgs/msg/Image": _read_raw,
+_RAW = "sensor_msgs/msg/Image"
+_STAMP, _LENGTH = struct.Struct("<II"), struct.Struct("<I")
+_STAMP_START, _FRAME_START = 4, 12
+_MOST_HEAD_BYTES = 256
+
+_READERS: dict[str, Callable[[Fields, ImageHeader, Kind], Decode]] = {
+    _RAW: _read_raw,
     "sensor_msgs/msg/CompressedImage": _read_compressed,
 }
 
@@ -226,13 +163,57 @@ def read_image(data: memoryview, message_type: str, kind: Kind, *, cdr: bool) ->
         header.fault = f"type: expected {' or '.join(_READERS)}, found {message_type}"
         return header
     try:
-        fields = _Fields(data, cdr=cdr)
+        fields = Fields(data, cdr=cdr)
         header.stamp_ns = fields.stamp_ns()
         header.frame_id = fields.text("frame_id")
         header.decode = _READERS[message_type](fields, header, kind)
     except MessageError as error:
         header.fault = str(error)
     return header
+
+
+class ImageHeaders:
+    """Reads the headers of one stream, as :func:`read_image` does; most differ from the last in their stamp alone.
+
+    Parameters
+    ----------
+    kind : {"depth", "color"}
+        What the stream is meant to be.
+    cdr : bool
+        Whether its messages are in CDR.
+    """
+
+    def __init__(self, kind: Kind, *, cdr: bool) -> None:
+        self._kind: Kind = kind
+        self._cdr = cdr
+        self._sound: dict[tuple[bytes, int], ImageHeader] = {}
+
+    def read(self, data: memoryview, message_type: str) -> ImageHeader:
+        """Read what a message says of itself."""
+        said = None if self._cdr or message_type != _RAW else _behind_stamp(data)
+        if said is None:
+            return read_image(data, message_type, self._kind, cdr=self._cdr)
+        seconds, nanoseconds = _STAMP.unpack_from(data, _STAMP_START)
+        if (known := self._sound.get(said)) is not None and nanoseconds < 10**9:
+            return replace(known, stamp_ns=seconds * 10**9 + nanoseconds)
+        header = read_image(data, message_type, self._kind, cdr=self._cdr)
+        if header.fault is None:
+            self._sound[said] = header
+        return header
+
+
+def _behind_stamp(data: memoryview) -> tuple[bytes, int] | None:
+    """Return all that the header of a raw ROS 1 image depends on beside its stamp; None where it is unusually long.
+
+    That is what stands between the stamp and the first pixel, and the length of the message.
+    """
+    try:
+        (frame_bytes,) = _LENGTH.unpack_from(data, _FRAME_START)
+        (encoding_bytes,) = _LENGTH.unpack_from(data, _FRAME_START + frame_bytes + 12)  # behind height and width
+    except struct.error:
+        return None
+    end = _FRAME_START + frame_bytes + encoding_bytes + 25
+    return (bytes(data[_FRAME_START:end]), len(data)) if end <= _MOST_HEAD_BYTES else None
 
 
 def read_stamp_ns(data: memoryview, leading: Leading, *, cdr: bool) -> int | None:
@@ -257,7 +238,7 @@ def read_stamp_ns(data: memoryview, leading: Leading, *, cdr: bool) -> int | Non
     MessageError
         If the message ends before, or the stamp is none.
     """
-    fields = _Fields(data, cdr=cdr)
+    fields = Fields(data, cdr=cdr)
     if leading == "headers" and not fields.length("number of parts"):
         return None
     return fields.stamp_ns()

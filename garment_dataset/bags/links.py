@@ -40,23 +40,26 @@ class Link:
     stamps_ns: list[int] = field(default_factory=list)  # the sorted keys of `samples`; out of date while shorter
     static: Sample | None = None
     last: tuple[object, Sample] | None = None  # what was said last, and what it became: fixed links repeat it
+    runs: list[Sample] = field(default_factory=list)  # its samples, repeated ones once: of a fixed link there is one
+
+    def take(self, stamp_ns: int, sample: Sample) -> bool:
+        """Add a sample; return False if there is one of that time, which stays."""
+        if stamp_ns in self.samples:
+            return False
+        self.samples[stamp_ns] = sample
+        if not self.runs or self.runs[-1] is not sample:
+            self.runs.append(sample)
+        return True
 
     @property
     def parents(self) -> set[str]:
         """The frames it was ever said to hang on."""
-        return {each.parent for each in self._different}
+        return {self.static.parent} if self.static else {each.parent for each in self.runs}
 
     @property
     def moves(self) -> bool:
         """Whether two of its samples differ."""
-        return self.static is None and len({each.pose for each in self._different}) > 1
-
-    @property
-    def _different(self) -> list[Sample]:
-        """Its samples, each object once: a fixed link has few, so that there is little to compare."""
-        if self.static is not None:
-            return [self.static]
-        return list({id(sample): sample for sample in self.samples.values()}.values())
+        return self.static is None and len({each.pose for each in self.runs}) > 1
 
     def at(self, stamp_ns: int) -> Sample | Stop:
         """Return the pose in the parent at ``stamp_ns``, as ``tf2::TimeCache::getData``."""

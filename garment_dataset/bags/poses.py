@@ -81,21 +81,15 @@ class Transform:
         -------
         (..., 3) float64
         """
-        points = np.asarray(points_m, dtype=np.float64)
-        axis, w = self.quaternion_xyzw[:3], self.quaternion_xyzw[3]
-        turn = 2.0 * _cross(axis, points)
-        moved: NDArray[np.float64] = points + w * turn + _cross(axis, turn) + self.translation
-        return moved
-
-
-def _cross(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Return the cross products of one vector with many; numpy's own takes ten times as long for few."""
-    x, y, z = a.tolist()
-    crossed = np.empty_like(b)
-    crossed[..., 0] = y * b[..., 2] - z * b[..., 1]
-    crossed[..., 1] = z * b[..., 0] - x * b[..., 2]
-    crossed[..., 2] = x * b[..., 1] - y * b[..., 0]
-    return crossed
+        x, y, z = np.asarray(points_m, dtype=np.float64).T
+        (ax, ay, az, w), (ox, oy, oz) = self.quaternion_xyzw.tolist(), self.translation.tolist()
+        tx, ty, tz = 2.0 * (ay * z - az * y), 2.0 * (az * x - ax * z), 2.0 * (ax * y - ay * x)
+        moved = (
+            x + w * tx + (ay * tz - az * ty) + ox,
+            y + w * ty + (az * tx - ax * tz) + oy,
+            z + w * tz + (ax * ty - ay * tx) + oz,
+        )
+        return np.array(moved).T
 
 
 def compose(outer: Pose, inner: Pose) -> Pose:

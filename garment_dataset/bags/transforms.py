@@ -130,7 +130,7 @@ class TransformTree:
         if static:
             link.static = sample
             return True
-        return link.samples.setdefault(stamp_ns, sample) is sample
+        return link.take(stamp_ns, sample)
 
     def lookup(self, target: str, source: str, stamp_ns: int) -> Transform:
         """Return the transform that takes points of ``source`` into ``target`` at ``stamp_ns``.

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import struct
+from dataclasses import replace
 from typing import Any, Literal
 
 import cv2
@@ -12,7 +13,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
-from garment_dataset.bags.headers import ImageHeader, read_image
+from garment_dataset.bags.headers import ImageHeader, ImageHeaders, read_image
 from garment_dataset.bags.images import (
     AS_SAID,
     ENCODINGS,
@@ -364,3 +365,23 @@ def test_no_damage_raises(wire: Any, data: st.DataObject, kind: Kind, message_ty
         assert header.compressed
     else:
         assert (pixels.dtype, pixels.ndim) == ((np.uint16, 2) if kind == "depth" else (np.uint8, 3))
+
+
+@given(st.data())
+def test_headers_of_a_stream_are_read_as_each_alone(ros1: Any, data: st.DataObject) -> None:
+    headers = ImageHeaders("depth", cdr=False)
+    for number in range(4):
+        whole = bytearray(
+            ros1.image(bytes(16), encoding="16UC1", width_px=4, height_px=2, step_bytes=8, stamp_ns=10**18 + number)
+        )
+        for _ in range(data.draw(st.integers(0, 2))):
+            whole[data.draw(st.integers(0, len(whole) - 1))] ^= data.draw(st.integers(0, 255))
+        message = memoryview(bytes(whole[: data.draw(st.integers(0, len(whole)))] if number == 2 else whole))
+        found, alone = (
+            headers.read(message, IMAGE),
+            read_image(message, IMAGE, "depth", cdr=False),
+        )
+        assert replace(found, decode=None) == replace(alone, decode=None)
+        if alone.decode is not None and found.decode is not None:
+            assert (pixels_of(bytes(message), found) == pixels_of(bytes(message), alone)).all()
+        assert (found.decode is None) == (alone.decode is None)

@@ -375,3 +375,12 @@ def test_points_are_taken_along_as_numpy_crosses_vectors() -> None:
     moved = Transform(np.array([1.0, 2.0, 3.0]), turn, 0, 0).apply(points)
     once = 2.0 * np.cross(turn[:3], points)
     assert (moved == points + turn[3] * once + np.cross(turn[:3], once) + np.array([1.0, 2.0, 3.0])).all()
+
+
+def test_the_second_transform_of_a_time_is_not_taken_whatever_it_says() -> None:
+    tree = TransformTree()
+    assert tree.add("a", "b", 5, (1.0, 0.0, 0.0), IDENTITY)
+    assert not tree.add("a", "b", 5, (1.0, 0.0, 0.0), IDENTITY)
+    assert not tree.add("a", "b", 5, (2.0, 0.0, 0.0), IDENTITY)
+    assert tree.add("a", "b", 6, (1.0, 0.0, 0.0), IDENTITY)
+    assert tree.lookup("a", "b", 5).translation.tolist() == [1.0, 0.0, 0.0]
