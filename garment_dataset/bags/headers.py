@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import struct
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -66,6 +66,12 @@ class ImageHeader:
     compressed: bool = False
     fault: str | None = None
     decode: Decode | None = None
+
+    def at(self, stamp_ns: int) -> ImageHeader:
+        """Return the same header at another time, without the detours of ``dataclasses.replace``."""
+        what = (self.frame_id, self.encoding, self.width_px, self.height_px, self.step_bytes)
+        where = (self.start_bytes, self.size_bytes, self.compressed)
+        return ImageHeader(stamp_ns, *what, *where, self.fault, self.decode)
 
 
 def _read_raw(fields: Fields, header: ImageHeader, kind: Kind) -> Decode:
@@ -195,7 +201,7 @@ class ImageHeaders:
             return read_image(data, message_type, self._kind, cdr=self._cdr)
         seconds, nanoseconds = _STAMP.unpack_from(data, _STAMP_START)
         if (known := self._sound.get(said)) is not None and nanoseconds < 10**9:
-            return replace(known, stamp_ns=seconds * 10**9 + nanoseconds)
+            return known.at(seconds * 10**9 + nanoseconds)
         header = read_image(data, message_type, self._kind, cdr=self._cdr)
         if header.fault is None:
             self._sound[said] = header

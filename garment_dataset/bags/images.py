@@ -88,7 +88,7 @@ def depth_in_millimetres(stored: NDArray[Any], unit_mm: float = 1.0) -> NDArray[
     (H, W) uint16
         Millimetres, halves to even; 0 for no return and for 65.535 m and more. ``stored`` itself where nothing changes.
     """
-    whole = np.issubdtype(stored.dtype, np.integer)
+    whole = stored.dtype.kind in "iu"
     if whole and unit_mm == 1:
         native = stored.astype(stored.dtype.newbyteorder("="), copy=False)  # the same memory in the machine's order
         if native.max(initial=0) < _NO_RETURN:
