@@ -16,7 +16,10 @@ if TYPE_CHECKING:
     from rosbags.interfaces.typing import Typesdict
     from rosbags.typesys.store import Typestore
 
-UNREADABLE = (SerdeError, TypesysError, AssertionError, ValueError, LookupError, ArithmeticError, struct.error)
+UNREADABLE = (
+    *(SerdeError, TypesysError, AssertionError, ValueError, LookupError, ArithmeticError, struct.error),
+    SyntaxError,
+)
 """What reading a message may raise: rosbags raises the first two on purpose; the others escape from its generated code
 and its assertions."""
 
