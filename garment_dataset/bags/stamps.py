@@ -84,7 +84,7 @@ def check_stamps(
     -----
     Out of order are the messages beside the largest set whose stamps strictly increase: one stamp too large does not
     condemn all that follow. Of several such sets it is the one whose stamps fit the record times best, and of messages
-    with one stamp the first, so that a message that was sent twice, or with a wrong stamp, changes no other.
+    with one stamp the first, so that a message that was sent twice, or with a wrong stamp, costs no other its stamp.
     """
     offset_ns = median_offset_ns(messages) if offset_ns is None else offset_ns
     faults: dict[int, StampFault] = {}

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 pytestmark = pytest.mark.real
 
-COLOR_ALONE = {"background", "silhouette", "central_curve"}
+NEED_AN_EMPTY_SCENE = {"background", "silhouette", "central_curve", "pixel_pattern"}
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def test_real_recordings_are_built_to_the_end(real_workspace: Workspace, garment
     pipeline.write_text(pipeline.read_text() + f'\n[params.depth_points]\nmethod = "{method}"\n')
     bags = sorted(path.stem for path in real_workspace.recordings_dir.glob("*.bag"))
     assert bags
-    stages = len(Session(real_workspace).stages) - len(COLOR_ALONE)
+    stages = len(Session(real_workspace).stages) - len(NEED_AN_EMPTY_SCENE)
     assert f"{stages * len(bags)} built" in garment("build", cwd=real_workspace.root).err
     frames = load_features("frames", folder=real_workspace.features_dir)
     points = load_features("points", folder=real_workspace.features_dir)
