@@ -75,7 +75,7 @@ def gather_rows(block: Block, intrinsics: Intrinsics, gripper_m: Point, jump_m: 
     weight = used.astype(np.float64)
     inverse -= offset_per_m
     inverse *= weight
-    near = weight[:, half - _CENTRE_PX : half + _CENTRE_PX + 1] @ np.ones(2 * _CENTRE_PX + 1) > 0
+    centre = weight[:, max(half - _CENTRE_PX, 0) : half + _CENTRE_PX + 1]
     return ProfileRows(
         v=np.arange(block.first_row, block.first_row + middle.size, dtype=np.float64),
         weight=weight,
@@ -83,7 +83,7 @@ def gather_rows(block: Block, intrinsics: Intrinsics, gripper_m: Point, jump_m: 
         shift_px=middle - column_px,
         column_px=column_px,
         middle_m=np.where(around_mm[:, half] > 0, around_mm[:, half] / 1000, np.nan),
-        filled=near & (weight @ np.ones(weight.shape[1]) >= _MIN_ROW_PIXELS),
+        filled=centre.any(axis=1) & (weight @ np.ones(weight.shape[1]) >= _MIN_ROW_PIXELS),
     )
 
 

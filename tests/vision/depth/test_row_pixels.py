@@ -10,7 +10,7 @@ from garment_dataset.vision.depth.cloud import Intrinsics
 from garment_dataset.vision.depth.pieces import breaks
 from garment_dataset.vision.depth.row_pixels import Block, gather_rows
 
-HALF, JUMP_M = 9, 0.012
+JUMP_M = 0.012
 TABLE_PER_M = np.append(0.0, 1000 / np.arange(1, 1 << 16))
 
 
@@ -22,27 +22,30 @@ def folded_cloth(rng: np.random.Generator) -> np.ndarray:
     return depth_mm.astype(np.uint16)
 
 
+@pytest.mark.parametrize("half", [1, 9])
 @pytest.mark.parametrize("offset_rows", [1, 40])
 @pytest.mark.parametrize("gripper_x_m", [0.0, -0.03, 0.035, -0.06, 0.2])
-def test_pixels_count_as_far_as_no_break_parts_them_from_the_profile(gripper_x_m: float, offset_rows: int) -> None:
+def test_pixels_count_as_far_as_no_break_parts_them_from_the_profile(
+    gripper_x_m: float, offset_rows: int, half: int
+) -> None:
     rng = np.random.default_rng(3)
     offset_per_m = rng.normal(0, 1e-3, (offset_rows, 46))
     masked_mm = folded_cloth(rng)
     smooth_mm = cv2.medianBlur(masked_mm, 3).astype(np.int64)
     k = Intrinsics(570.0, 570.0, 300.0, 200.0)
-    found = gather_rows(Block(masked_mm, 100, 277, TABLE_PER_M, offset_per_m), k, (gripper_x_m, 0, 1.0), JUMP_M, HALF)
+    found = gather_rows(Block(masked_mm, 100, 277, TABLE_PER_M, offset_per_m), k, (gripper_x_m, 0, 1.0), JUMP_M, half)
     offset_per_m = np.broadcast_to(offset_per_m, masked_mm.shape)
     for row in range(40):
         middle = round(float(found.column_px[row]))
-        columns = np.clip(np.arange(middle - HALF, middle + HALF + 1), 0, 45)
+        columns = np.clip(np.arange(middle - half, middle + half + 1), 0, 45)
         around_mm = smooth_mm[row, columns]
         broken = breaks(np.abs(np.diff(around_mm)).astype(np.float64), 1000 * JUMP_M)
-        for place, column in enumerate(range(middle - HALF, middle + HALF + 1)):
+        for place, column in enumerate(range(middle - half, middle + half + 1)):
             own_mm = int(masked_mm[row, columns[place]])
-            between = broken[min(place, HALF) : max(place, HALF)]
+            between = broken[min(place, half) : max(place, half)]
             used = (
                 column in range(46) and middle in range(46)
-                and around_mm[place] > 0 and around_mm[HALF] > 0
+                and around_mm[place] > 0 and around_mm[half] > 0
                 and not between.any() and own_mm > 0 and abs(own_mm - around_mm[place]) <= 24
             )  # fmt: skip
             assert found.weight[row, place] == used
