@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-import cv2
 import numpy as np
 import pytest
 
@@ -18,28 +17,19 @@ from garment_dataset.vision.depth.pixel_pattern import (
     residual_about_planes,
 )
 from garment_dataset.vision.depth.sensor_noise import window_means
+from tests.vision.depth.made_fields import SHAPE, blobs
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from garment_dataset.arrays import BoolArray, FloatArray
 
-SHAPE = (240, 320)
 EVERYWHERE = np.ones(SHAPE, np.bool_)
 LADDER = ladder_per_m()
 LIMITS_MM = (800, 1300)
 V, U = np.indices(SHAPE).astype(np.float64)
 WALL = 1 / 1.8 + 2e-5 * V - 3e-5 * U
 SHEET = 1 / 1.05 + 1e-4 * (V - 120) + 2e-5 * (U - 160) - 4e-7 * (V - 120) ** 2
-
-
-def blobs(rng: np.random.Generator, radius_px: float) -> FloatArray:
-    """Return a field of unit variance."""
-    white = rng.standard_normal(SHAPE)
-    if radius_px == 0:
-        return white
-    field = cv2.GaussianBlur(white, (0, 0), radius_px)
-    return np.asarray(field / field.std())
 
 
 def levels(inverse: FloatArray) -> NDArray[np.uint16]:

@@ -2,30 +2,15 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-import cv2
 import numpy as np
 import pytest
 
 from garment_dataset.vision.depth.backdrop import backdrop, static_inverse
 from garment_dataset.vision.depth.flat_field import plain_per_m
 from garment_dataset.vision.depth.sensor_noise import level_step_per_m, time_noise, window_means
+from tests.vision.depth.made_fields import SHAPE, blobs
 
-if TYPE_CHECKING:
-    from garment_dataset.arrays import FloatArray
-
-SHAPE = (240, 320)
 EVERYWHERE = np.ones(SHAPE, np.bool_)
-
-
-def blobs(rng: np.random.Generator, radius_px: float) -> FloatArray:
-    """Return a field of unit variance."""
-    white = rng.standard_normal(SHAPE)
-    if radius_px == 0:
-        return white
-    field = cv2.GaussianBlur(white, (0, 0), radius_px)
-    return np.asarray(field / field.std())
 
 
 @pytest.mark.parametrize("correlation", [0.0, 0.4])
