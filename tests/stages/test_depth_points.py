@@ -12,7 +12,8 @@ from garment_dataset.engine.table import Label
 from garment_dataset.errors import BagError, DataWarning
 from garment_dataset.stages.cameras import CAMERA
 from garment_dataset.stages.decode_tables import FRAMES, GRIPPER
-from garment_dataset.stages.depth_points import CHAINS, POINTS, DepthPointsParams, depth_points
+from garment_dataset.stages.depth_points import DepthPointsParams, depth_points
+from garment_dataset.stages.depth_tables import CHAINS, POINTS
 from garment_dataset.stages.stage import IDENTITY
 from garment_dataset.vision.depth.cloud import Intrinsics
 from garment_dataset.vision.depth.trace import trace_windows

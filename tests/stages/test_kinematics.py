@@ -9,7 +9,7 @@ import pytest
 from pydantic import ValidationError
 
 from garment_dataset.stages.decode_tables import GRIPPER
-from garment_dataset.stages.depth_points import POINTS
+from garment_dataset.stages.depth_tables import POINTS
 from garment_dataset.stages.kinematics import KINEMATICS, KinematicsParams, kinematics
 
 if TYPE_CHECKING:

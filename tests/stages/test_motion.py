@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from garment_dataset.stages.decode_tables import GRIPPER
-from garment_dataset.stages.depth_points import POINTS
+from garment_dataset.stages.depth_tables import POINTS
 from garment_dataset.stages.kinematics import KinematicsParams, kinematics
 from garment_dataset.stages.motion import MotionParams, motion
 from garment_dataset.vision.correlation import effective_frames, lag1_autocorrelation

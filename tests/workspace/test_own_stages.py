@@ -262,7 +262,7 @@ def test_columns_that_the_product_adds_are_refused(with_lengths: Workspace) -> N
 
 MINE = """
 from garment_dataset.stages import Stage, StageParams
-from garment_dataset.stages.depth_points import POINTS
+from garment_dataset.stages.depth_tables import POINTS
 
 
 class MineParams(StageParams):
