@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from garment_dataset.engine.threads import one_thread
 from garment_dataset.stages.depth_points import DepthPointsParams
 from garment_dataset.vision.depth.cloud import Intrinsics
 from garment_dataset.vision.depth.trace import trace_profiles, trace_windows
@@ -85,11 +86,17 @@ def main() -> None:
     parser.add_argument("--frames", type=int, default=24)
     parser.add_argument("--rounds", type=int, default=7)
     options = parser.parse_args()
+    with one_thread():  # as in a build
+        measure(options.frames, options.rounds)
+
+
+def measure(frames: int, rounds: int) -> None:
+    """Take the times and print them."""
     rng = np.random.default_rng(0)
-    images = [swinging_cloth(frame, rng) for frame in range(options.frames)]
+    images = [swinging_cloth(frame, rng) for frame in range(frames)]
 
     seconds: dict[str, list[float]] = {"package": [], "plain numpy": []}
-    for _ in range(options.rounds):
+    for _ in range(rounds):
         for name, points_m in (("package", package_points_m), ("plain numpy", plain_points_m)):
             start = time.process_time()
             for depth_mm in images:
@@ -97,12 +104,12 @@ def main() -> None:
             seconds[name].append((time.process_time() - start) / len(images))
 
     profiles_s = []
-    for _ in range(options.rounds):
+    for _ in range(rounds):
         start = time.process_time()
         profile_points(images)
         profiles_s.append((time.process_time() - start) / len(images))
     differences_m = [np.abs(package_points_m(image, GRIPPER_M) - plain_points_m(image, GRIPPER_M)) for image in images]
-    print(f"{len(images)} frames, {options.rounds} rounds in turns; largest difference {np.max(differences_m):.1e} m")
+    print(f"{len(images)} frames, {rounds} rounds in turns; largest difference {np.max(differences_m):.1e} m")
     for name, taken_s in {**seconds, "profile": profiles_s}.items():
         median_s = float(np.median(taken_s))
         print(
