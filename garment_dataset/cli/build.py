@@ -76,9 +76,9 @@ def build(
             return
         is_idle = {decision.state.value for decision in plan} <= {"fresh", "blocked"}
         if is_idle and not force and not rehash:
-            _finish_idle(plan, session, as_json=as_json)
-            if is_of_all and plan.is_fresh and not shown:
-                _remember(plan, session, began_ns)
+            settled = _finish_idle(plan, session, as_json=as_json)
+            if settled is not None and is_of_all and not shown:
+                _remember(settled, session, began_ns)
             return
         from garment_dataset.cli.progress import progress
         from garment_dataset.workspace import building
@@ -124,8 +124,8 @@ def _refuse_nothing(session: Session, plan: Plan) -> None:
     )
 
 
-def _finish_idle(plan: Plan, session: Session, *, as_json: bool) -> None:
-    """Say that nothing is to be run: without the parts of the engine that run something.
+def _finish_idle(plan: Plan, session: Session, *, as_json: bool) -> Settled | None:
+    """Say that nothing is to be run, without the parts of the engine that run something; return it if all is fresh.
 
     A build that was killed may have left out what comes last, so that is looked at all the same.
     """
@@ -134,14 +134,16 @@ def _finish_idle(plan: Plan, session: Session, *, as_json: bool) -> None:
     with contextlib.suppress(StorageError):  # somebody who may only read has nothing to do, too
         tidy(session)
     if plan.is_fresh:
-        _say_settled(what_is_settled(plan, session), as_json=as_json)
-        return
+        settled = what_is_settled(plan, session)
+        _say_settled(settled, as_json=as_json)
+        return settled
     counts = {state.value: count for state, count in plan.counts().items() if count}
     if as_json:
         print_json({"counts": counts, "events": []})
     _say_blocked(session)
     say("nothing to do: " + ", ".join(f"{count} {state}" for state, count in counts.items()))
     say_all(beside(plan, session))
+    return None
 
 
 def _say_settled(settled: Settled, *, as_json: bool) -> None:
@@ -152,12 +154,12 @@ def _say_settled(settled: Settled, *, as_json: bool) -> None:
     say_all(settled.said)
 
 
-def _remember(plan: Plan, session: Session, began_ns: int) -> None:
+def _remember(settled: Settled, session: Session, began_ns: int) -> None:
     """Have the next build know at once that nothing is to be done, as long as nothing changes."""
     from garment_dataset.workspace.settled import remember
 
     code = {path for code in session.codes.values() for path in code.files}
-    remember(session.layout, what_is_settled(plan, session), code, began_ns)
+    remember(session.layout, settled, code, began_ns)
 
 
 def _say_blocked(session: Session) -> None:

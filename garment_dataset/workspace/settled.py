@@ -89,11 +89,11 @@ def remember(layout: Layout, settled: Settled, code: Iterable[str], began_ns: in
         stamps = list(_stamps(layout, files, youngest_ns=began_ns - _YOUNG_NS))
     except _TooYoungError:
         return
-    body = {"stamps": stamps, "code": files, "settled": asdict(settled)}
+    body = {"stamps": stamps, "code": files, "settled": {**asdict(settled), "said": list(settled.said)}}
     path = layout.private_dir / _FILE
     temporary = path.with_name(f".{_FILE}.{os.getpid()}")
     with contextlib.suppress(OSError):
-        temporary.write_text(json.dumps({"check": digest(_TAG, json.loads(json.dumps(body))), "body": body}), "utf-8")
+        temporary.write_text(json.dumps({"check": digest(_TAG, body), "body": body}), "utf-8")
         temporary.replace(path)
 
 
