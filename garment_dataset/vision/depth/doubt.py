@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from garment_dataset.vision.depth.smoothing import local_fit, unrest
+from garment_dataset.vision.depth.smoothing import local_fit, seconds_apart, unrest
 from garment_dataset.vision.depth.uncertainty import slid_m2
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ def unrest_m(stamp_ns: IntArray, points_m: FloatArray) -> FloatArray:
         Points relative to the gripper's end point.
     """
     order = np.argsort(stamp_ns, kind="stable")
-    time_s = (stamp_ns[order] - stamp_ns[order[0]]) / 1e9 + 1e-9 * np.arange(order.size)
+    time_s = seconds_apart(stamp_ns[order])
     series = points_m[order].reshape(order.size, -1)
     restless = unrest(series - local_fit(time_s, series, UNREST_FRAMES, 2)[0])
     result_m = np.empty_like(points_m)

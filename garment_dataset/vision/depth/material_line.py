@@ -16,7 +16,7 @@ import numpy as np
 
 from garment_dataset.vision.depth.cloud import band_limits_mm
 from garment_dataset.vision.depth.robust import robust_polynomials
-from garment_dataset.vision.depth.smoothing import adaptive_mean, middle
+from garment_dataset.vision.depth.smoothing import adaptive_mean, middle, seconds_apart
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -203,8 +203,7 @@ def smooth_material_lines(
     if not seen or len(seen) < _LEAST_FRAMES * len(lines):
         return smoothed
     order = sorted(seen, key=lambda index: int(stamp_ns[index]))
-    # frames of one stamp are kept apart by a nanosecond each: their polynomials stay solvable
-    time_s = (stamp_ns[order] - stamp_ns[order[0]]) / 1e9 + 1e-9 * np.arange(len(order))
+    time_s = seconds_apart(stamp_ns[order])
     values = np.stack([np.concatenate([seen[index].x_m, seen[index].lean]) for index in order])
     for index, row in zip(order, adaptive_mean(time_s, values, frames, degree=2)[0], strict=True):
         x_m, lean = np.split(row, 2)

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from garment_dataset.arrays import FloatArray
+    from garment_dataset.arrays import FloatArray, IntArray
 
 NOISE_FRAMES = 5
 """Length of the fits whose residuals tell the noise."""
@@ -81,6 +81,14 @@ def unrest(residual: FloatArray) -> FloatArray:
     usual = np.median(mean_square, axis=0)
     excess: FloatArray = np.sqrt(np.maximum(mean_square - _UNUSUAL * usual, 0))
     return excess
+
+
+def seconds_apart(stamp_ns: IntArray) -> FloatArray:
+    """Return the time since the first of rising stamps, in seconds, (T,).
+
+    Frames of one stamp are kept apart by a nanosecond each: polynomials through them stay solvable.
+    """
+    return np.asarray((stamp_ns - stamp_ns[0]) / 1e9 + 1e-9 * np.arange(len(stamp_ns)))
 
 
 def local_fit(time_s: FloatArray, values: FloatArray, frames: int, degree: int) -> tuple[FloatArray, FloatArray]:

@@ -16,7 +16,7 @@ import numpy as np
 from garment_dataset.vision.depth.chain import Chain, ChainPoints, Track
 from garment_dataset.vision.depth.dividing import divide_profile, smooth_points
 from garment_dataset.vision.depth.hold import follow_hold
-from garment_dataset.vision.depth.smoothing import NOISE_FRAMES, adaptive_mean, local_fit, unrest
+from garment_dataset.vision.depth.smoothing import NOISE_FRAMES, adaptive_mean, local_fit, seconds_apart, unrest
 from garment_dataset.vision.depth.support import bridge_gaps
 from garment_dataset.vision.depth.uncertainty import point_std_m
 from garment_dataset.vision.depth.windows import choose_windows
@@ -85,8 +85,7 @@ def track_profiles(
     order = np.argsort(stamp_ns, kind="stable")
     gripper_m = gripper_m[order]
     profiles = choose_windows([profiles[i] for i in order], gripper_m, pattern, noise_per_m)
-    # frames of one stamp are kept apart by a nanosecond each: their polynomials stay solvable
-    time_s = (stamp_ns[order] - stamp_ns[order[0]]) / 1e9 + 1e-9 * np.arange(order.size)
+    time_s = seconds_apart(stamp_ns[order])
     hold = follow_hold(profiles, gripper_m, time_s, over_time=bool(frames))
     divided_m = np.stack(
         [
