@@ -200,7 +200,7 @@ def depth_points(
     from garment_dataset.bags import open_bag
     from garment_dataset.stages.depth_columns import chain_columns, point_columns
     from garment_dataset.stages.depth_images import DepthImages, depth_camera, known_sensor
-    from garment_dataset.vision.depth.scale import flat_field_frames
+    from garment_dataset.vision.depth.scale import spread_over
     from garment_dataset.vision.depth.trace import Trace, trace_profiles, trace_windows
 
     stamps_ns = usable_stamps_ns(frames, "depth")
@@ -220,7 +220,7 @@ def depth_points(
                     )
             else:
                 settings, known = params.track_settings(), known_sensor(sensor, pixel_pattern, shape)
-                some = replace(images, only=flat_field_frames(list(stamps_ns), settings))
+                some = replace(images, only=spread_over(list(stamps_ns), settings.flat_field_frames))
                 traces = trace_profiles(images, stamps_ns, intrinsics, grippers_m, settings, known, some)
     _warn_of_gaps(bag.name, traces)
     return {

@@ -103,15 +103,15 @@ def _images(bag: Path, frames: pa.Table, camera: pa.Table, params: PixelPatternP
     from garment_dataset.stages.depth_images import DepthImages, depth_camera
 
     wanted = sorted(frames_within(frames, "depth", params.from_s, params.to_s))
-    chosen = set(wanted[:: max(-(-len(wanted) // params.most_frames), 1)])
+    chosen = frozenset(wanted[:: max(-(-len(wanted) // params.most_frames), 1)])
     if not chosen:
         return []
     shape, _ = depth_camera(bag, camera)
     with open_bag(bag) as opened:
         return [
             np.array(depth_mm)
-            for frame, depth_mm in DepthImages(opened, frames, shape, depth_reading(camera))
-            if depth_mm is not None and frame in chosen
+            for _, depth_mm in DepthImages(opened, frames, shape, depth_reading(camera), chosen)
+            if depth_mm is not None
         ]
 
 

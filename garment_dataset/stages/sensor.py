@@ -152,10 +152,11 @@ def _read(
 
     from garment_dataset.bags import open_bag
     from garment_dataset.stages.depth_images import DepthImages, depth_camera
+    from garment_dataset.vision.depth.scale import spread_over
 
     rest, count = wanted
     numbers = list(usable_stamps_ns(frames, "depth"))
-    spread = frozenset(numbers[:: max(len(numbers) // count, 1)])
+    spread = spread_over(numbers, count)
     shape, _ = depth_camera(bag, camera)
     with open_bag(bag) as opened:
         images = {

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from pydantic import Field
@@ -176,10 +177,9 @@ def _usable(
     return [frame for frame in usable if frame not in reasons], reasons
 
 
-def _images(read: DepthImages, wanted: list[int]) -> Iterator[DepthImage]:
+def _images(read: DepthImages, wanted: frozenset[int]) -> Iterator[DepthImage]:
     """Yield some images; each holds until the next."""
-    numbers = set(wanted)
-    yield from (depth_mm for frame, depth_mm in read if frame in numbers and depth_mm is not None)
+    yield from (depth_mm for _, depth_mm in replace(read, only=wanted) if depth_mm is not None)
 
 
 def _starts(
@@ -218,13 +218,16 @@ def _follow(
     from garment_dataset.vision.cloth.sight import Reading
     from garment_dataset.vision.cloth.tracks import follow
     from garment_dataset.vision.depth.flat_field import column_offsets, inverse_depth_table
+    from garment_dataset.vision.depth.scale import spread_over
 
-    some = [np.array(image) for image in _images(read, kept[:: max(len(kept) // params.flat_field_frames, 1)])]
+    some = [np.array(image) for image in _images(read, spread_over(kept, params.flat_field_frames))]
     table_per_m, on_ladder = inverse_depth_table(some)
     offset = column_offsets(some, table_per_m, beyond_m=params.flat_field_beyond_m) if on_ladder else None
     reading = Reading(table_per_m, offset, params.band_half_width_m, params.reach_m)
     time_s = (stamp_ns - stamp_ns[0]) / 1e9
-    found = follow(_images(read, kept), time_s, ends_m, rest, *start, intrinsics, reading, params.warp_settings())
+    found = follow(
+        _images(read, frozenset(kept)), time_s, ends_m, rest, *start, intrinsics, reading, params.warp_settings()
+    )
     return "no_garment" if found is None else found
 
 

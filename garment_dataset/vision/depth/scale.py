@@ -16,9 +16,9 @@ if TYPE_CHECKING:
     from garment_dataset.vision.depth.settings import TrackSettings
 
 
-def flat_field_frames(frames: Sequence[int], settings: TrackSettings) -> frozenset[int]:
-    """Return the frames of a recording on which what columns add is measured."""
-    return frozenset(frames[:: max(len(frames) // settings.flat_field_frames, 1)])
+def spread_over(frames: Sequence[int], count: int) -> frozenset[int]:
+    """Return about so many of a recording's frames, spread over it: those on which what stays is measured."""
+    return frozenset(frames[:: max(len(frames) // count, 1)])
 
 
 def measure_scale(

@@ -22,7 +22,7 @@ from garment_dataset.vision.depth.material_line import divide_material_line, smo
 from garment_dataset.vision.depth.pattern import usual_pattern
 from garment_dataset.vision.depth.profile import Profile, find_profiles
 from garment_dataset.vision.depth.samples import sample_windows
-from garment_dataset.vision.depth.scale import flat_field_frames, measure_scale
+from garment_dataset.vision.depth.scale import measure_scale, spread_over
 from garment_dataset.vision.depth.support import BridgeLimits
 from garment_dataset.vision.depth.tracking import divide_track, track_profiles
 from garment_dataset.vision.depth.uncertainty import ErrorSources, noise_factor
@@ -208,7 +208,7 @@ def trace_profiles(
         Those of the images that :func:`~garment_dataset.vision.depth.scale.flat_field_frames` names, or more of them.
     """
     known = KnownSensor() if known is None else known
-    chosen, some = flat_field_frames(list(stamps_ns), settings), images if some is None else some
+    chosen, some = spread_over(list(stamps_ns), settings.flat_field_frames), images if some is None else some
     flat = [np.array(depth_mm) for frame, depth_mm in some if frame in chosen and depth_mm is not None]
     scale, columns_per_m = measure_scale(flat, settings, known.pixels_per_m, measured=known.pattern is not None)
     traces, profiles, lines = _trace_each(images, intrinsics, grippers_m, scale, settings.profile)
