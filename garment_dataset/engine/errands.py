@@ -6,6 +6,7 @@ hardly more than one, and no worker waits for it.
 
 from __future__ import annotations
 
+import itertools
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -52,7 +53,7 @@ class Errands:
         self._pool = pool
         self._disk = ThreadPoolExecutor(_SYNCED_AT_ONCE)
         self._at_work: dict[Future[Any], Errand] = {}
-        self._being_synced: dict[Future[Any], Errand] = {}
+        self._back: dict[Future[Any], Errand] = {}
         self._twins: dict[str, list[Node]] = {}
 
     @property
@@ -61,7 +62,7 @@ class Errands:
         return len(self._at_work)
 
     def __len__(self) -> int:
-        return len(self._at_work) + len(self._being_synced)
+        return len(self._at_work) + len(self._back)
 
     def wait_for_twin(self, node: Node, key: str) -> bool:
         """Have a node wait for another that needs the very same, if there is one."""
@@ -87,19 +88,19 @@ class Errands:
         return any(map(_is_broken, self._at_work))
 
     def collect(self) -> list[Ended]:
-        """Wait until something comes back, and return it; what a dead worker had stays for :meth:`give_up`."""
-        finished, _ = wait((*self._at_work, *self._being_synced), return_when=FIRST_COMPLETED)
+        """Wait until something comes back, and return what has ended; what a dead worker had stays for :meth:`give_up`.
+
+        What came back first ends first, however long the disk takes for it: one worker always gives the same order.
+        """
+        finished, _ = wait((*self._at_work, *itertools.islice(self._back, 1)), return_when=FIRST_COMPLETED)
+        for future in [each for each in self._at_work if each in finished and not _is_broken(each)]:
+            errand, outcome = self._at_work.pop(future), future.result()
+            made = self._disk.submit(_synced, outcome) if isinstance(outcome, Success) else future
+            self._back[made] = errand
         ended = []
-        for future in finished:
-            if _is_broken(future):
-                continue
-            is_synced = future in self._being_synced
-            errand = (self._being_synced if is_synced else self._at_work).pop(future)
-            outcome = future.result()
-            if isinstance(outcome, Success) and not is_synced:
-                self._being_synced[self._disk.submit(_synced, outcome)] = errand
-            else:
-                ended.append(Ended(errand, outcome, self._twins.pop(errand.work.key)))
+        while (first := next(iter(self._back), None)) is not None and first.done():
+            errand = self._back.pop(first)
+            ended.append(Ended(errand, first.result(), self._twins.pop(errand.work.key)))
         return ended
 
     def give_up(self) -> tuple[list[Errand], list[Node]]:
