@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -14,7 +15,7 @@ _MOST = (6, 16)
 """Controls across and down: time and memory go with the square of their number and more."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class Blend:
     """Rows of a sparse matrix from controls to places.
 
@@ -28,6 +29,13 @@ class Blend:
 
     index: IntArray
     weight: FloatArray
+
+    @cached_property
+    def groups(self) -> tuple[IntArray, IntArray, IntArray]:
+        """Rows in the order of the controls that they share, where each group begins, and its controls (g, k)."""
+        heads, group = np.unique(self.index, axis=0, return_inverse=True)
+        order = np.argsort(group.ravel(), kind="stable")
+        return order, np.searchsorted(group.ravel()[order], np.arange(len(heads))), heads
 
     def apply(self, values: FloatArray) -> FloatArray:
         """Return (m, 3) of values (C, 3)."""
@@ -108,15 +116,16 @@ def normal_matrix(blend: Blend, weight: FloatArray, direction: FloatArray, contr
     controls : int
         C.
     """
-    pairs = (blend.index[:, :, None] * controls + blend.index[:, None, :]).ravel()
-    products = weight[:, None, None] * blend.weight[:, :, None] * blend.weight[:, None, :]
-    matrix = np.empty((3, controls, 3, controls))
-    for a in range(3):
-        for b in range(a, 3):
-            values = (products * (direction[:, a] * direction[:, b])[:, None, None]).ravel()
-            block = np.bincount(pairs, values, controls**2).reshape(controls, controls)
-            matrix[a, :, b, :] = block
-            matrix[b, :, a, :] = block
+    order, starts, heads = blend.groups
+    scaled = np.sqrt(weight[order])[:, None] * direction[order]
+    rows = (scaled[:, :, None] * blend.weight[order][:, None, :]).reshape(order.size, -1)
+    # rows of one cell are multiplied before they are spread: there are far fewer cells than rows
+    sums = np.empty((len(starts), rows.shape[1], rows.shape[1]))
+    for group, own in enumerate(np.split(rows, starts[1:])):
+        np.matmul(own.T, own, out=sums[group])
+    places = (np.arange(3)[:, None] * controls + heads[:, None, :]).reshape(len(starts), rows.shape[1])
+    pairs = places[:, :, None] * (3 * controls) + places[:, None, :]
+    matrix = np.asarray(np.bincount(pairs.ravel(), sums.ravel(), (3 * controls) ** 2), np.float64)
     return matrix.reshape(3 * controls, 3 * controls)
 
 
