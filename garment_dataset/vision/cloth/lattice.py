@@ -118,11 +118,11 @@ def normal_matrix(blend: Blend, weight: FloatArray, direction: FloatArray, contr
     """
     order, starts, heads = blend.groups
     scaled = np.sqrt(weight[order])[:, None] * direction[order]
-    rows = (scaled[:, :, None] * blend.weight[order][:, None, :]).reshape(order.size, -1)
+    rows = (scaled[:, :, None] * blend.weight[order][:, None, :]).reshape(order.size, 3 * blend.weight.shape[1])
     # rows of one cell are multiplied before they are spread: there are far fewer cells than rows
     sums = np.empty((len(starts), rows.shape[1], rows.shape[1]))
-    for group, own in enumerate(np.split(rows, starts[1:])):
-        np.matmul(own.T, own, out=sums[group])
+    for total, start, end in zip(sums, starts, [*starts[1:], order.size][: len(starts)], strict=True):
+        np.matmul(rows[start:end].T, rows[start:end], out=total)
     places = (np.arange(3)[:, None] * controls + heads[:, None, :]).reshape(len(starts), rows.shape[1])
     pairs = places[:, :, None] * (3 * controls) + places[:, None, :]
     matrix = np.asarray(np.bincount(pairs.ravel(), sums.ravel(), (3 * controls) ** 2), np.float64)

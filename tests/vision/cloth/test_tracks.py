@@ -168,14 +168,15 @@ def test_bending_costs_nothing_where_values_are_linear() -> None:
     np.testing.assert_allclose(blended[:, 0], 1 + 2 * places_m[:, 0] - 3 * places_m[:, 1], atol=1e-12)
 
 
-def test_normal_equations_are_those_of_the_dense_rows() -> None:
+@pytest.mark.parametrize("count", [0, 1, 7, 200])
+def test_normal_equations_are_those_of_the_dense_rows(count: int) -> None:
     lattice = Lattice.over(np.zeros(2), np.ones(2), (0.5, 0.5))
     rng = np.random.default_rng(1)
-    blend = lattice.blend(rng.uniform(0, 1, (7, 2)))
-    weight, direction = rng.uniform(1, 2, 7), rng.standard_normal((7, 3))
-    dense = np.zeros((7, lattice.size))
+    blend = lattice.blend(rng.uniform(0, 1, (count, 2)))
+    weight, direction = rng.uniform(1, 2, count), rng.standard_normal((count, 3))
+    dense = np.zeros((count, lattice.size))
     np.put_along_axis(dense, blend.index, blend.weight, axis=1)
-    rows = np.einsum("ma,mc->mac", direction, dense).reshape(7, -1)
+    rows = np.einsum("ma,mc->mac", direction, dense).reshape(count, 3 * lattice.size)
     np.testing.assert_allclose(
         normal_matrix(blend, weight, direction, lattice.size), rows.T @ (weight[:, None] * rows), atol=1e-12
     )
