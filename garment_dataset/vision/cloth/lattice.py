@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,10 +33,11 @@ class Blend:
 
     @cached_property
     def groups(self) -> tuple[IntArray, IntArray, IntArray]:
-        """Rows in the order of the controls that they share, where each group begins, and its controls (g, k)."""
-        heads, group = np.unique(self.index, axis=0, return_inverse=True)
-        order = np.argsort(group.ravel(), kind="stable")
-        return order, np.searchsorted(group.ravel()[order], np.arange(len(heads))), heads
+        """Rows in the order of the controls that they share, the groups' bounds (g + 1), and their controls (g, k)."""
+        heads, inverse = np.unique(self.index, axis=0, return_inverse=True)
+        group = inverse.ravel()  # numpy 2.0 alone gives it another axis
+        order = np.argsort(group, kind="stable")
+        return order, np.searchsorted(group[order], np.arange(len(heads) + 1)), heads
 
     def apply(self, values: FloatArray) -> FloatArray:
         """Return (m, 3) of values (C, 3)."""
@@ -116,14 +118,14 @@ def normal_matrix(blend: Blend, weight: FloatArray, direction: FloatArray, contr
     controls : int
         C.
     """
-    order, starts, heads = blend.groups
+    order, bounds, heads = blend.groups
     scaled = np.sqrt(weight[order])[:, None] * direction[order]
     rows = (scaled[:, :, None] * blend.weight[order][:, None, :]).reshape(order.size, 3 * blend.weight.shape[1])
     # rows of one cell are multiplied before they are spread: there are far fewer cells than rows
-    sums = np.empty((len(starts), rows.shape[1], rows.shape[1]))
-    for total, start, end in zip(sums, starts, [*starts[1:], order.size][: len(starts)], strict=True):
+    sums = np.empty((len(heads), rows.shape[1], rows.shape[1]))
+    for total, (start, end) in zip(sums, pairwise(bounds), strict=True):
         np.matmul(rows[start:end].T, rows[start:end], out=total)
-    places = (np.arange(3)[:, None] * controls + heads[:, None, :]).reshape(len(starts), rows.shape[1])
+    places = (np.arange(3)[:, None] * controls + heads[:, None, :]).reshape(len(heads), rows.shape[1])
     pairs = places[:, :, None] * (3 * controls) + places[:, None, :]
     matrix = np.asarray(np.bincount(pairs.ravel(), sums.ravel(), (3 * controls) ** 2), np.float64)
     return matrix.reshape(3 * controls, 3 * controls)
