@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 
 import garment_dataset
+from garment_dataset.cli import VERBS, application
 
 PACKAGE = Path(garment_dataset.__file__).parent
 MAY_IMPORT: dict[str, set[str]] = {
@@ -133,10 +134,22 @@ def loaded_by(code: str) -> set[str]:
     [
         "import garment_dataset.cli",
         "import garment_dataset.stages, garment_dataset.workspace.session, garment_dataset.catalog.lint",
-        "from garment_dataset.cli import app\ntry: app(['--help'])\nexcept SystemExit: pass",
+        "from garment_dataset.cli import application\ntry: application()(['--help'])\nexcept SystemExit: pass",
     ],
 )
 def test_starting_up_loads_nothing_heavy(code: str) -> None:
     loaded = loaded_by(code)
     assert not loaded & HEAVY, sorted(loaded & HEAVY)
     assert "garment_dataset.cli" in loaded or "garment_dataset.stages" in loaded
+
+
+@pytest.mark.parametrize(("verb", "modules"), [("doctor", {"doctor"}), ("build", {"build", "status"})])
+def test_a_verb_imports_no_other_verb_but_whose_parts_it_uses(verb: str, modules: set[str]) -> None:
+    verbs = {f"garment_dataset.cli.{place.split('.')[0]}" for place in VERBS.values()}
+    loaded = loaded_by(f"from garment_dataset.cli import application\napplication({verb!r})")
+    assert loaded & verbs == {f"garment_dataset.cli.{module}" for module in modules}
+
+
+@pytest.mark.parametrize("verb", [None, "no-such-verb", "--help"])
+def test_without_a_known_verb_all_are_there(verb: str | None) -> None:
+    assert [command.name for command in application(verb).registered_commands] == list(VERBS)

@@ -16,7 +16,7 @@ from garment_dataset.bags import open_bag
 from garment_dataset.bags.partial_inflation import inflate_what_is_left, lz4_prefix
 from garment_dataset.bags.rosbag1_scan import next_record, record_at, scan_bag
 from garment_dataset.bags.salvage import default_output, salvage
-from garment_dataset.cli import app
+from garment_dataset.cli import application
 from garment_dataset.errors import BagError
 
 WriteBag = Callable[..., Path]
@@ -158,14 +158,16 @@ def test_what_holds_nothing_is_refused_in_one_line(tmp_path: Path, content: byte
 
 def test_the_command_says_what_was_kept_and_what_was_lost(write_bag: WriteBag) -> None:
     path = write_bag(entries(), chunk_bytes=2000)
-    assert "is sound: 40 messages" in CliRunner().invoke(app, ["salvage", str(path)]).stdout
+    assert "is sound: 40 messages" in CliRunner().invoke(application(), ["salvage", str(path)]).stdout
     content = path.read_bytes()
     path.write_bytes(content[: len(content) // 2])
-    result = CliRunner().invoke(app, ["salvage", str(path)])
+    result = CliRunner().invoke(application(), ["salvage", str(path)])
     assert result.exit_code == 0
     assert "nothing tells how many messages more there were" in result.stderr
     assert result.stdout.splitlines()[-1].endswith("some.salvaged.bag")
-    told = json.loads(CliRunner().invoke(app, ["salvage", str(path), "--json", "--out", f"{path}.2.bag"]).stdout)
+    told = json.loads(
+        CliRunner().invoke(application(), ["salvage", str(path), "--json", "--out", f"{path}.2.bag"]).stdout
+    )
     assert told["kept"] == sum(topic["kept"] for topic in told["topics"]) == len(messages(Path(told["out"])))
     assert told["lost_is_known"] is False
 

@@ -16,7 +16,7 @@ from typer.testing import CliRunner
 from garment_dataset.catalog import ROW_KEYS, Catalog
 from garment_dataset.catalog.columns import RESERVED, CellError, Column, name_complaint, parse_cell
 from garment_dataset.catalog.tables import Background, Garment, Holding, Recording
-from garment_dataset.cli import app
+from garment_dataset.cli import application
 from garment_dataset.errors import CatalogError, FilterError
 from garment_dataset.features.quality import QUALITY_KEYS
 from garment_dataset.workspace import Workspace
@@ -63,7 +63,7 @@ def edit(path: Path, old: str, new: str) -> None:
 
 
 def run(place: Workspace, *arguments: str) -> Any:
-    return CliRunner(env={"NO_COLOR": "1"}).invoke(app, [*arguments, "-w", str(place.root)])
+    return CliRunner(env={"NO_COLOR": "1"}).invoke(application(), [*arguments, "-w", str(place.root)])
 
 
 def names(place: Workspace, *terms: str) -> list[str]:

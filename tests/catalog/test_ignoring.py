@@ -15,7 +15,7 @@ from typer.testing import CliRunner
 
 from garment_dataset.catalog.folder import scan
 from garment_dataset.catalog.ignoring import Ignoring, compile_pattern, read_ignoring
-from garment_dataset.cli import app
+from garment_dataset.cli import application
 from garment_dataset.errors import CatalogError, DataWarning
 from garment_dataset.workspace import Workspace
 
@@ -157,7 +157,7 @@ def test_no_verb_knows_what_is_left_out(tmp_path: Path) -> None:
     (place.recordings_dir / ".garmentignore").write_text("*.bag*\n")
 
     def run(*arguments: str) -> Any:
-        return CliRunner(env={"NO_COLOR": "1"}).invoke(app, [*arguments, "-w", str(place.root)])
+        return CliRunner(env={"NO_COLOR": "1"}).invoke(application(), [*arguments, "-w", str(place.root)])
 
     listed = run("list")
     assert len(listed.stdout.splitlines()) == 1

@@ -19,7 +19,7 @@ from garment_dataset.catalog.names import BackgroundName, RecordingName
 from garment_dataset.catalog.patterns import template_of
 from garment_dataset.catalog.record_plan import plan_recording
 from garment_dataset.catalog.schemes import THESIS, PatternScheme, compile_scheme
-from garment_dataset.cli import app
+from garment_dataset.cli import application
 from garment_dataset.engine.events import Ending
 from garment_dataset.errors import CatalogError, RecordingNameError, WorkspaceError
 from garment_dataset.layout import NamesSettings
@@ -274,7 +274,7 @@ def place(tmp_path: Path) -> Workspace:
 
 
 def run(place: Workspace, *arguments: str) -> Any:
-    return CliRunner(env={"NO_COLOR": "1"}).invoke(app, [*arguments, "-w", str(place.root)])
+    return CliRunner(env={"NO_COLOR": "1"}).invoke(application(), [*arguments, "-w", str(place.root)])
 
 
 def test_tables_folder_and_filters_use_it(place: Workspace, monkeypatch: pytest.MonkeyPatch) -> None:

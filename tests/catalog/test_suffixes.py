@@ -12,7 +12,7 @@ from typer.testing import CliRunner
 
 from garment_dataset.catalog.names import BackgroundName, RecordingName, parse_bag_name, repair_name
 from garment_dataset.catalog.suffixes import appended_to
-from garment_dataset.cli import app
+from garment_dataset.cli import application
 from garment_dataset.errors import RecordingNameError
 from garment_dataset.workspace import Workspace
 
@@ -35,7 +35,7 @@ def put(place: Workspace, *names: str) -> None:
 
 
 def run(place: Workspace, *arguments: str) -> Any:
-    return CliRunner(env={"NO_COLOR": "1"}).invoke(app, [*arguments, "-w", str(place.root)])
+    return CliRunner(env={"NO_COLOR": "1"}).invoke(application(), [*arguments, "-w", str(place.root)])
 
 
 @given(given_names, dates, st.none() | st.integers(0, 99))

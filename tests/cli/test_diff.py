@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 from typer.testing import CliRunner
 
-from garment_dataset.cli import app
+from garment_dataset.cli import application
 from garment_dataset.errors import FilterError, GarmentError, StoreError, UsageError
 from garment_dataset.features.reading import load_features, tables_in
 from tests.cli.conftest import Ran
@@ -55,7 +55,7 @@ def copied(workspace: Workspace) -> Workspace:
 
 
 def diff(workspace: Workspace, *arguments: str) -> Ran:
-    done = CliRunner().invoke(app, ["diff", *arguments, "-w", str(workspace.root)], catch_exceptions=False)
+    done = CliRunner().invoke(application(), ["diff", *arguments, "-w", str(workspace.root)], catch_exceptions=False)
     return Ran(done.exit_code, done.stdout, done.stderr)
 
 

@@ -21,7 +21,7 @@ from hypothesis import strategies as st
 from typer.testing import CliRunner
 
 from garment_dataset import doctor
-from garment_dataset.cli import app
+from garment_dataset.cli import application
 from garment_dataset.doctor import folders, machine, software
 from garment_dataset.doctor.check import Check, guarded
 from garment_dataset.layout import Layout
@@ -39,7 +39,7 @@ def states(checks: Iterable[Check]) -> dict[str, str]:
 
 
 def run(*arguments: str) -> tuple[int, str, str]:
-    done = CliRunner().invoke(app, ["doctor", *arguments], catch_exceptions=False)
+    done = CliRunner().invoke(application(), ["doctor", *arguments], catch_exceptions=False)
     return done.exit_code, done.stdout, done.stderr
 
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import pytest
 from typer.testing import CliRunner
 
-from garment_dataset.cli import app
+from garment_dataset.cli import application
 from garment_dataset.engine.events import Ending
 from garment_dataset.errors import GarmentError
 from garment_dataset.features.reading import load_features
@@ -37,7 +37,7 @@ def forget_modules(tmp_path: Path) -> Iterator[None]:
 
 def run(workspace: Workspace, *arguments: str) -> str:
     """Run ``garment`` in this process; return all that it prints."""
-    done = CliRunner().invoke(app, [*arguments, "--workspace", str(workspace.root)], catch_exceptions=False)
+    done = CliRunner().invoke(application(), [*arguments, "--workspace", str(workspace.root)], catch_exceptions=False)
     assert done.exit_code == 0, done.output
     return done.output
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import pytest
 from typer.testing import CliRunner
 
-from garment_dataset.cli import app
+from garment_dataset.cli import application
 from garment_dataset.errors import FilterError
 from garment_dataset.features.quality import read_quality
 
@@ -20,7 +20,7 @@ GOOD, BLIND, TORN = (f"GreenTowel_Ruler_0{number}_pi16_0.5_R1" for number in (1,
 
 
 def run(workspace: Workspace, *arguments: str) -> tuple[str, str]:
-    done = CliRunner().invoke(app, [*arguments, "--workspace", str(workspace.root)], catch_exceptions=False)
+    done = CliRunner().invoke(application(), [*arguments, "--workspace", str(workspace.root)], catch_exceptions=False)
     assert done.exit_code == 0, done.output
     return done.stdout, done.stderr
 
@@ -86,7 +86,7 @@ def test_a_fault_of_an_image_stands_in_the_table(judged: Workspace) -> None:
 def test_what_failed_is_shown_with_the_recording(judged: Workspace, make_recording: MakeRecording) -> None:
     (judged.recordings_dir / f"{GOOD}.bag").unlink()
     make_recording(judged.recordings_dir / f"{GOOD}.bag", fault="zero_k")
-    CliRunner().invoke(app, ["build", "-j", "0", "--workspace", str(judged.root)])
+    CliRunner().invoke(application(), ["build", "-j", "0", "--workspace", str(judged.root)])
     assert "failed: " in run(judged, "show", GOOD)[0]
     (judged.recordings_dir / f"{GOOD}.bag").write_bytes(b"#ROSBAG V2.0\n")
     assert "cannot be read: " in run(judged, "show", GOOD)[0]

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from garment_dataset.cli import app
+from garment_dataset.cli import application
 from garment_dataset.engine.events import Ending
 from garment_dataset.engine.index import Index
 from garment_dataset.engine.results import Failure
@@ -74,7 +74,7 @@ def test_parquet_there_is_refused_in_one_line(odd: Path, tmp_path: Path, command
     Workspace.create(tmp_path / "ws")
     arguments = [str(odd) if word == "ODD" else word for word in command.split()]
     more = ["-w", str(tmp_path / "ws")] if command.startswith("simulate") else []
-    done = CliRunner().invoke(app, [*arguments, *more])
+    done = CliRunner().invoke(application(), [*arguments, *more])
     assert isinstance(done.exception, WorkspaceError)
     assert "names in UTF-8" in str(done.exception)
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 from typer.testing import CliRunner
 
-from garment_dataset.cli import app
+from garment_dataset.cli import application
 from garment_dataset.engine.events import Ending
 from garment_dataset.engine.plan import State
 from garment_dataset.workspace import Workspace
@@ -135,6 +135,6 @@ def edit(path: Path, old: str, new: str) -> None:
 
 def run(workspace: Workspace, *arguments: str) -> str:
     """Run ``garment`` in this process; return what it prints."""
-    done = CliRunner().invoke(app, [*arguments, "--workspace", str(workspace.root)], catch_exceptions=False)
+    done = CliRunner().invoke(application(), [*arguments, "--workspace", str(workspace.root)], catch_exceptions=False)
     assert done.exit_code == 0, done.output
     return done.output

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from typer.testing import CliRunner
 
-from garment_dataset.cli import app
+from garment_dataset.cli import application
 from garment_dataset.errors import WorkspaceError
 from garment_dataset.workspace import Workspace
 
@@ -37,12 +37,12 @@ def test_an_empty_workspace_has_the_headers_and_pipelines_of_a_new_one(tmp_path:
 
 def test_a_data_set_of_ones_own_is_begun_by_two_commands(tmp_path: Path) -> None:
     run = CliRunner(env={"NO_COLOR": "1"}).invoke
-    made = run(app, ["init", "--empty", str(tmp_path / "ws")])
+    made = run(application(), ["init", "--empty", str(tmp_path / "ws")])
     assert made.exit_code == 0
     assert "catalog/garments.csv, holdings.csv and recordings.csv" in made.stderr
     assert "garment lint" in made.stderr
-    assert run(app, ["lint", "-w", str(tmp_path / "ws")]).stdout == "names, tables and folder agree\n"
-    listed = run(app, ["list", "-w", str(tmp_path / "ws")])
+    assert run(application(), ["lint", "-w", str(tmp_path / "ws")]).stdout == "names, tables and folder agree\n"
+    listed = run(application(), ["list", "-w", str(tmp_path / "ws")])
     assert (listed.exit_code, listed.stderr) == (0, "0 recordings\n")
 
 
