@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 _EXACT_FRAMES = 258  # float32 holds sums of that many squares of bytes exactly: 258 * 255^2 < 2^24
 _DRIFT_ROUNDS = 3
 _FINE = 256  # parts of a grey level; sums of integers depend on no order
+_BLOCK_ROWS = 16
 _ANY = 1024  # a bound that no byte passes, whatever the drift
 
 
@@ -147,12 +148,16 @@ class Bounds:
         Bounds
             Level I is outside exactly when ``abs(I - mean) > alpha * max(std, min_sigma)`` in float64.
         """
-        reach = alpha * np.maximum(background.std, min_sigma)
-        lower = np.maximum(_first_within(background.mean, reach), -_ANY)
-        upper = np.minimum(-_first_within(-background.mean, reach), _ANY)
+        shape = background.mean.shape
+        lower, upper = np.empty(shape, np.int16), np.empty(shape, np.int16)
+        for top in range(0, len(lower), _BLOCK_ROWS):  # as much as a processor holds near
+            rows = slice(top, top + _BLOCK_ROWS)
+            mean, reach = background.mean[rows], alpha * np.maximum(background.std[rows], min_sigma)
+            lower[rows] = np.maximum(_first_within(mean, reach), -_ANY)
+            upper[rows] = np.minimum(-_first_within(-mean, reach), _ANY)
         if clip is not None:
             lower[~clip], upper[~clip] = -_ANY, _ANY
-        return cls(lower.astype(np.int16), upper.astype(np.int16))
+        return cls(lower, upper)
 
     def __getitem__(self, part: tuple[slice, slice]) -> Bounds:
         """Return the bounds of a part of the image, as a view."""

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
@@ -53,19 +53,23 @@ class Held:
     px_per_m: float
 
 
-def bar_above(frame: ColorImage, expected: FloatArray, mask: ByteMask, held: Held) -> BoolArray | None:
+def bar_above(
+    frame: ColorImage, mean: FloatArray, mask: ByteMask, held: Held, gain: FloatArray | None = None
+) -> BoolArray | None:
     """Find what of a garment's mask is a bar, and no garment.
 
     Parameters
     ----------
     frame : (H, W, 3) uint8
         Colour image.
-    expected : (H, W, 3) float
-        The empty scene in this frame's light, in grey levels.
+    mean : (H, W, 3) float
+        The empty scene, in grey levels.
     mask : (H, W) uint8
         Garment and bar below the gripper's row, 0 or 1.
     held : Held
         Where the bar is held.
+    gain : (3,) float64, optional
+        Of each channel against the empty scene; 1 by default.
 
     Returns
     -------
@@ -78,11 +82,12 @@ def bar_above(frame: ColorImage, expected: FloatArray, mask: ByteMask, held: Hel
         return None
     part = _surroundings(mask, held, zone_px)
     within = Held(held.u_px - part[1].start, held.v_px - part[0].start, held.px_per_m)
-    found = _bar(frame[part], expected[part], np.ascontiguousarray(mask[part]), within, end - part[0].start)
-    if found is None:
+    smooth = np.asarray(cv2.GaussianBlur(frame[part], (3, 3), 0), np.uint8)
+    found = _bar(smooth, np.ascontiguousarray(mask[part]), within, end - part[0].start)
+    if found is None or not _goes_on(smooth, mean[part], np.ones(3) if gain is None else gain, *found, within):
         return None
     bar = np.zeros(mask.shape, np.bool_)
-    bar[part] = found
+    bar[part] = found[0]
     return bar
 
 
@@ -96,69 +101,82 @@ def _surroundings(mask: ByteMask, held: Held, zone_px: int) -> Box:
     )
 
 
-def _bar(frame: ColorImage, expected: FloatArray, mask: ByteMask, held: Held, end: int) -> BoolArray | None:
-    """Find the bar above row ``end`` in a part of the image."""
-    smooth = np.asarray(cv2.GaussianBlur(frame, (3, 3), 0), np.uint8)
-    strange = _strange(smooth, mask, end)
+def _bar(smooth: ColorImage, mask: ByteMask, held: Held, end: int) -> tuple[BoolArray, tuple[float, float]] | None:
+    """Find what above row ``end`` of a part of the image may be a bar, and along which direction it lies."""
     v, u = np.nonzero(mask[:end])
+    strange = _strange(smooth, mask, end, v, u)
+    if np.count_nonzero(strange) < _LEAST_PX:
+        return None
     along, down = (np.asarray(pixel - at, np.float64) for pixel, at in ((u, held.u_px), (v, held.v_px)))
-    found = _best_line(along, down, np.where(strange[v, u], 1, -1), held)
+    found = _best_line(along, down, strange, held)
     if found is None:
         return None
     above, turned = found
     bar = np.zeros(mask.shape, np.bool_)
     bar[v[above], u[above]] = True
-    return bar if _goes_on(smooth, expected, bar, turned, held) else None
+    return bar, turned
 
 
-def _strange(smooth: ColorImage, mask: ByteMask, end: int) -> BoolArray:
-    """Mark colours that are likelier above row ``end`` than on the garment below it."""
+def _strange(smooth: ColorImage, mask: ByteMask, end: int, v: NDArray[np.intp], u: NDArray[np.intp]) -> BoolArray:
+    """Return which pixels v, u of the mask have colours that are likelier above row ``end`` than on the garment below.
+
+    Colours are counted well inside the mask, if it is not too thin: at its edges the wall mixes in.
+    """
     inner = np.asarray(cv2.erode(mask, square(3)), np.uint8)
     inner = inner if 2 * np.count_nonzero(inner) > np.count_nonzero(mask) else mask
-    bins = (smooth // _BIN).astype(np.intp)
-    index = (bins[..., 0] * _BINS + bins[..., 1]) * _BINS + bins[..., 2]
-    inside = inner > 0
-    cloth = _frequency(index[end:][inside[end:]])
-    strange = np.asarray((cloth[index] < _SHOWN) & inside, np.bool_)
-    strange[end:] = False
+    inside, bins = inner.astype(np.bool_), _bins(smooth)
+    shown, cloth = bins[v, u].astype(np.intp), _frequency(bins[end:][inside[end:]])
+    strange = (cloth[shown] < _SHOWN) & inside[v, u]
     if not strange.any():
-        return strange
-    return np.asarray(_frequency(index[strange])[index] > cloth[index])
+        return np.asarray(strange)
+    return np.asarray(_frequency(shown[strange])[shown] > cloth[shown])
 
 
-def _frequency(shown: NDArray[np.intp]) -> FloatArray:
+def _bins(image: ColorImage) -> NDArray[np.uint16]:
+    """Return the bin of each pixel's colour, (H, W)."""
+    red, green, blue = cv2.split((image // np.uint8(_BIN)).astype(np.uint16))
+    return np.asarray((red * np.uint16(_BINS) + green) * np.uint16(_BINS) + blue, np.uint16)
+
+
+def _frequency(shown: NDArray[Any]) -> FloatArray:
     """Return which share of pixels has a colour or one beside it, by bin."""
-    counts = np.bincount(shown, minlength=_BINS**3).reshape(_BINS, _BINS, _BINS).astype(np.float64)
-    for axis in range(3):
-        padded = np.pad(counts, [(1, 1) if axis == other else (0, 0) for other in range(3)])
-        low, middle, high = (np.take(padded, np.arange(_BINS) + shift, axis=axis) for shift in range(3))
-        counts = low + middle + high
+    counts = np.zeros((_BINS + 2,) * 3, np.int32)
+    counts[1:-1, 1:-1, 1:-1] = np.bincount(shown, minlength=_BINS**3).reshape(_BINS, _BINS, _BINS)
+    counts = counts[:-2] + counts[1:-1] + counts[2:]
+    counts = counts[:, :-2] + counts[:, 1:-1] + counts[:, 2:]
+    counts = counts[:, :, :-2] + counts[:, :, 1:-1] + counts[:, :, 2:]
     return np.asarray(counts.ravel() / len(shown), np.float64)
 
 
 def _best_line(
-    along: FloatArray, down: FloatArray, weight: NDArray[np.intp], held: Held
+    along: FloatArray, down: FloatArray, strange: BoolArray, held: Held
 ) -> tuple[BoolArray, tuple[float, float]] | None:
     """Return what lies above the line that parts strange colours from the garment's best, and the line's direction."""
-    if np.count_nonzero(weight > 0) < _LEAST_PX:
-        return None
     edges = np.arange(-_SLACK_M * held.px_per_m, _SLACK_M * held.px_per_m + 0.5, 0.5)
     best, angle, edge = 0.0, 0.0, 0.0
     for angles_deg in (_ANGLES_DEG, _FINE_DEG):
-        for tried in (angle + np.radians(angles_deg)).tolist():
-            distance = down * math.cos(tried) - along * math.sin(tried)
-            sums = np.cumsum(np.bincount(np.searchsorted(edges, distance), weight, len(edges) + 1))[:-1]
-            if (most := float(sums.max())) > best:
-                best, chosen, edge = most, tried, float(edges[np.argmax(sums)])
+        tried = angle + np.radians(angles_deg)
+        distance = np.outer(np.cos(tried), down) - np.outer(np.sin(tried), along)
+        # The first edge that is not above a pixel, of edges half a pixel apart; odd where the colour is strange
+        index = np.clip(np.ceil((distance - edges[0]) * 2), 0, len(edges)).astype(np.intp)
+        index += np.arange(len(tried))[:, np.newaxis] * (len(edges) + 1)
+        counts = np.bincount((2 * index + strange).ravel(), minlength=2 * len(tried) * (len(edges) + 1))
+        counts = counts.reshape(len(tried), -1, 2)
+        sums = np.cumsum(counts[..., 1] - counts[..., 0], axis=1)[:, :-1]
+        row, column = np.unravel_index(np.argmax(sums), sums.shape)
+        if sums[row, column] > best:
+            best, chosen, edge = float(sums[row, column]), float(tried[row]), float(edges[column])
         angle = chosen if best > 0 else 0.0
     above = down * np.cos(angle) - along * np.sin(angle) < edge
     size = np.count_nonzero(above)
-    if best < _LEAST_PX or np.count_nonzero(weight[above] > 0) < _PURE * size:
+    if best < _LEAST_PX or np.count_nonzero(strange[above]) < _PURE * size:
         return None
     return np.asarray(above), (math.cos(angle), math.sin(angle))
 
 
-def _goes_on(smooth: ColorImage, expected: FloatArray, bar: BoolArray, turned: tuple[float, float], held: Held) -> bool:
+def _goes_on(
+    smooth: ColorImage, mean: FloatArray, gain: FloatArray, bar: BoolArray, turned: tuple[float, float], held: Held
+) -> bool:
     """Return whether it is of one colour, and there is more of it beyond the gripper, along the same line."""
     color = np.median(smooth[bar], axis=0)
     if np.median(np.abs(smooth[bar] - color).max(axis=1)) > _UNEVEN_LEVELS:
@@ -175,5 +193,5 @@ def _goes_on(smooth: ColorImage, expected: FloatArray, bar: BoolArray, turned: t
         return True
     there = smooth[other_v[free], other_u[free]].astype(np.float64)
     alike = np.abs(there - color).max(axis=1) < _ALIKE_LEVELS
-    differs = np.abs(there - expected[other_v[free], other_u[free]]).max(axis=1) > _DIFFERENT_LEVELS
+    differs = np.abs(there - mean[other_v[free], other_u[free]] * gain).max(axis=1) > _DIFFERENT_LEVELS
     return bool(np.mean(alike & differs) > _GOES_ON)

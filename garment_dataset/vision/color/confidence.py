@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 
 from garment_dataset.vision.color.masks import square
+from garment_dataset.vision.color.seen import middle
 
 if TYPE_CHECKING:
     from garment_dataset.arrays import BoolArray, ByteMask, FloatArray
@@ -60,8 +61,8 @@ def confidence(
     ----------
     mask : (H, W) uint8
         Of the garment, 0 or 1; not empty.
-    distance : (H, W) float
-        Distance of each pixel's colour from that expected without a garment, in grey levels.
+    distance : (n,) float
+        Distances of the colours of its :func:`inner_part` from those expected without a garment, in grey levels.
     pale : (H, W) bool
         Which pixels could as well be the wall, in a shallow shadow.
     by_edges_alone : bool
@@ -73,12 +74,12 @@ def confidence(
     noise : float
         Standard deviation of brightness, in grey levels.
     """
-    there = mask.view(np.bool_)
-    area_px = int(np.count_nonzero(there))
-    inner = np.asarray(cv2.erode(mask, square(3), borderType=cv2.BORDER_CONSTANT, borderValue=0)).astype(np.bool_)
-    contrast = max(float(np.median(distance[inner if inner.any() else there])), noise)
-    edge_share = 1 - float(np.count_nonzero(inner) / area_px)
-    could_be_wall = _LIKE_WALL * float(pale[there].mean()) + _BY_EDGES_ALONE * by_edges_alone
+    area_px = int(np.count_nonzero(mask))
+    inner_px = len(distance) if len(distance) < area_px else 0  # all of it where nothing is inner
+    contrast = max(middle(distance, len(distance)), noise)
+    edge_share = 1 - inner_px / area_px
+    pale_px = int(np.count_nonzero(pale & mask.view(np.bool_)))
+    could_be_wall = _LIKE_WALL * (pale_px / area_px) + _BY_EDGES_ALONE * by_edges_alone
     could_be_cloth = _DOUBTFUL * doubtful_px / (area_px + doubtful_px)
     losses: dict[Doubt, float] = {
         "like_wall": could_be_wall + could_be_cloth,
@@ -88,3 +89,15 @@ def confidence(
     value = max(0.0, 1 - sum(losses.values()))
     most: Doubt = max(losses, key=lambda name: losses[name])
     return Confidence(value, None if value >= _SURE else most)
+
+
+def inner_part(mask: ByteMask) -> ByteMask:
+    """Return the pixels of a mask that lie at no edge; all where there are none.
+
+    Parameters
+    ----------
+    mask : (H, W) uint8
+        0 or 1.
+    """
+    inner = np.asarray(cv2.erode(mask, square(3), borderType=cv2.BORDER_CONSTANT, borderValue=0), np.uint8)
+    return inner if inner.any() else mask

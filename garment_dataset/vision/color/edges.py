@@ -73,7 +73,8 @@ def refine_edges(
     band = np.flatnonzero(around.view(np.bool_))
     used = np.flatnonzero((around | rim).view(np.bool_))
     distance = np.zeros(coarse.shape, np.uint16)
-    distance.ravel()[used] = _color_distance(frame, mean, drift, _whole(used, box, mask.shape[1]))
+    pixels = _whole(used, box, mask.shape[1])
+    distance.ravel()[used] = np.rint(color_distance(frame, mean, pixels, drift) * _FINE)
     nearest = _nearest(core, band)
     contrast = _contrast(distance, rim, nearest)
     thin = (np.take(depth, nearest) <= _THIN) & (contrast >= _SURE_CONTRAST * _FINE)
@@ -97,12 +98,26 @@ def _whole(pixels: Indices, box: Box, width: int) -> Indices:
     return np.asarray((rows + box[0].start) * width + columns + box[1].start)
 
 
-def _color_distance(frame: ColorImage, mean: FloatArray, drift: FloatArray, pixels: Indices) -> FloatArray:
-    """Return the distances of pixels from the background's colour, in parts of a grey level, rounded."""
+def color_distance(
+    frame: ColorImage, expected: FloatArray, pixels: Indices, drift: FloatArray | None = None
+) -> FloatArray:
+    """Return the distances of the colours of some pixels from those expected, (n,), in grey levels.
+
+    Parameters
+    ----------
+    frame, expected : (H, W, 3) uint8 and float64
+        Colour image, and what it is compared with, in grey levels.
+    pixels : (n,) int
+        Which, as indices of the flat image.
+    drift : (3,) float64, optional
+        Change of brightness against what is expected.
+    """
     # By channel: numpy is slow along an axis of three
-    color, background = (np.take(image.reshape(-1, 3), pixels, axis=0).T for image in (frame, mean))
-    change = np.subtract(color, background, order="C") - drift[:, np.newaxis]
-    return np.asarray(np.rint(np.sqrt((change * change).sum(axis=0)) * _FINE), np.float64)
+    color, background = (np.take(image.reshape(-1, 3), pixels, axis=0).T for image in (frame, expected))
+    change = np.subtract(color, background, order="C")
+    if drift is not None:
+        change -= drift[:, np.newaxis]
+    return np.asarray(np.sqrt((change * change).sum(axis=0)))
 
 
 def _core(mask: ByteMask) -> tuple[ByteMask, ByteMask]:

@@ -19,16 +19,18 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import cv2
 import numpy as np
 
-from garment_dataset.vision.color.masks import square
+from garment_dataset.vision.color.discs import closed_by_disc, dilated_by_disc
+from garment_dataset.vision.color.masks import bounding_box, grown, looked_up, square
 from garment_dataset.vision.color.seen import dark_lines
+from garment_dataset.vision.color.surfaces import Surface, surfaces_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from garment_dataset.arrays import BoolArray, ByteMask
-    from garment_dataset.vision.color.seen import Seen
+    from garment_dataset.vision.color.masks import Box
+    from garment_dataset.vision.color.seen import Plane, Seen
 
-    Plane = NDArray[np.float32]
 
 # Lengths and areas are of half-size pixels, some 4 mm at the garment. Chosen on wide draws of `garment simulate`
 _SMOOTH_PX = 1.5  # brightness, before steps are looked for
@@ -38,11 +40,11 @@ _SPECK_PX = 6  # smaller groups of pixels are noise
 _BRIDGE_PX = 25  # how far apart the garment's own pixels may lie: fields of a pattern, up to 10 cm
 _LEAST_OWN_PX = 50
 _LEAST_SURFACE_PX = 20
-_RING_PX = 6  # how far around a surface to look, blurred edges included
 _SURROUNDED = 0.5
 _LEAST_CONTACT = 0.05
 _SHALLOWEST = 0.7  # light that a single lamp's shadow leaves; what is darker needs no other sign of being cloth
 _SEAM_PX = 7  # how far from the garment pixels of no surface may belong to it
+_WALL_PX = 7  # side of the square within which the wall around is looked at
 _LEAST_STRIPE_PX = (5, 2)  # lower ones are closed in full size
 _STRIPE_PX = 21  # height of a stripe of the wall's very colour, between the garment's own
 _GREY_BINS, _GREY_LIKELY, _LEAST_GREY_PX = 50, 0.02, 8  # of full light; share of the garment
@@ -58,8 +60,8 @@ class Sorted(NamedTuple):
     ----------
     garment : (h, w) uint8
         1 where the garment is, 2 where it only must be, between its parts; may be of several parts, and empty.
-    edges : (h, w) bool
-        Where it may go on: its blurred edges, and gaps of thin parts, as far as they are nothing else.
+    edges : (h, w) uint8
+        1 where it may go on: its blurred edges, and gaps of thin parts, as far as they are nothing else.
     by_edges_alone : bool
         Whether all of it could be a shadow.
     doubtful_px : int
@@ -67,7 +69,7 @@ class Sorted(NamedTuple):
     """
 
     garment: ByteMask
-    edges: BoolArray
+    edges: ByteMask
     by_edges_alone: bool
     doubtful_px: int
 
@@ -88,22 +90,26 @@ def garment_in(seen: Seen, cut: BoolArray, near: BoolArray | None) -> Sorted:
     has_own = bool(np.count_nonzero(sorting.own) >= _LEAST_OWN_PX)
     if has_own:
         sorting.sort()
-        garment = sorting.garment | sorting.seams()
+        garment = _bytes(sorting.garment)
+        box = bounding_box(garment, _SEAM_PX)
+        garment[box] |= sorting.seams(box)
     else:
-        garment = sorting.own | _hanging(_opened(sorting.edges()), near)
-    filled = _filled(_bytes(garment), seen)
-    edges = _around(filled) & ~(sorting.wall | cut | filled.astype(np.bool_))
-    return Sorted(filled, edges, not has_own, sorting.doubtful_px)
+        everywhere = slice(None), slice(None)
+        garment = _bytes(sorting.own | _hanging(_opened(sorting.edges(everywhere)), near))
+    edges = np.zeros(garment.shape, np.uint8)
+    if garment.any():
+        box = bounding_box(garment, 1)
+        garment[box] = _filled(garment[box], seen, box)
+        box = bounding_box(garment, max(_GAP_PX // 2, _EDGE_PX))
+        nothing_else = ~(sorting.wall[box] | cut[box]) & (garment[box] == 0)
+        edges[box] = _around(np.minimum(garment[box], np.uint8(1))) & _bytes(nothing_else)
+    return Sorted(garment, edges, not has_own, sorting.doubtful_px)
 
 
-def _around(garment: ByteMask) -> BoolArray:
+def _around(there: ByteMask) -> ByteMask:
     """Mark what is close to the garment, or between its parts."""
-    pad = _GAP_PX
-    ellipse = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_GAP_PX, _GAP_PX))
-    there = np.minimum(garment, np.uint8(1))
-    closed = cv2.morphologyEx(np.pad(there, pad), cv2.MORPH_CLOSE, ellipse)[pad:-pad, pad:-pad]
-    grown = cv2.dilate(there, square(2 * _EDGE_PX + 1))
-    return np.asarray(np.maximum(closed, grown)).astype(np.bool_)
+    closed = closed_by_disc(there, _GAP_PX)
+    return np.maximum(closed, _bytes(cv2.dilate(there, square(2 * _EDGE_PX + 1))))
 
 
 def _bytes(mask: NDArray[Any]) -> ByteMask:
@@ -117,23 +123,29 @@ def _opened(mask: BoolArray) -> ByteMask:
 def _own(seen: Seen, cut: BoolArray, near: BoolArray | None) -> BoolArray:
     """Mark what no shadow explains and hangs from the gripper, be it by fields of a pattern that one explains."""
     other = _bytes((~seen.like | dark_lines(seen)) & ~cut)
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(other, connectivity=8)
-    stats[0, cv2.CC_STAT_AREA] = 0
-    other = _bytes((stats[:, cv2.CC_STAT_AREA] >= _SPECK_PX)[labels])
-    ellipse = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_BRIDGE_PX, _BRIDGE_PX))
-    return _hanging(other, near, _bytes(cv2.dilate(other, ellipse)))
+    own = np.zeros(other.shape, np.bool_)
+    count, labels = cv2.connectedComponents(other, connectivity=8)
+    there = other.view(np.bool_)
+    is_speck = np.bincount(labels[there], minlength=count) < _SPECK_PX
+    is_speck[0] = True
+    other = _bytes(looked_up(~is_speck, labels))
+    box = bounding_box(other, _BRIDGE_PX // 2)
+    if not is_speck.all():
+        linked = dilated_by_disc(other[box], _BRIDGE_PX)
+        own[box] = _hanging(other[box], None if near is None else near[box], linked)
+    return own
 
 
 def _hanging(mask: ByteMask, near: BoolArray | None, linked: ByteMask | None = None) -> BoolArray:
     """Keep the regions, joined by what links them, that come near the gripper; without one, the largest."""
     count, labels = cv2.connectedComponents(mask if linked is None else linked, connectivity=8)
-    there = mask.view(np.bool_)
+    there = mask.astype(np.bool_)
     kept = np.zeros(count, np.bool_)
     if near is not None:
         kept[labels[near & there]] = True
     elif there.any():
         kept[np.argmax(np.bincount(labels[there]))] = True
-    return np.asarray(kept[labels] & there)
+    return np.asarray(looked_up(kept, labels) & there)
 
 
 @dataclass(slots=True, eq=False)
@@ -155,30 +167,26 @@ class _Sorting:
     own: BoolArray
     garment: BoolArray = field(init=False)
     wall: BoolArray = field(init=False)
-    surfaces: list[_Surface] = field(init=False)
+    surfaces: list[Surface] = field(init=False)
+    grey: BoolArray = field(init=False)
     doubtful_px: int = 0
 
     def __post_init__(self) -> None:
         self.garment = self.own.copy()
-        brightness = self.seen.brightness
-        smoothed = cv2.GaussianBlur(brightness, (5, 5), _SMOOTH_PX)
+        smoothed = cv2.GaussianBlur(self.seen.brightness, (5, 5), _SMOOTH_PX)
         step = cv2.dilate(smoothed, square(3)) - cv2.erode(smoothed, square(3))
         even = self.seen.like & (step <= max(_STEP_NOISE * self.seen.noise, _LEAST_STEP_LEVELS))
         smooth = _bytes(cv2.morphologyEx(_bytes(even), cv2.MORPH_OPEN, square(3)))
-        count, labels, stats, _ = cv2.connectedComponentsWithStats(smooth, connectivity=4)
+        _, labels = cv2.connectedComponents(smooth, connectivity=4)
         lit = self.seen.lit & smooth.view(np.bool_)
-        is_wall = np.bincount(labels.ravel(), lit.ravel(), minlength=count) >= _LEAST_LIT_PX
-        is_wall[0] = False
-        self.wall = np.asarray(is_wall[labels])
-        large = np.flatnonzero(~is_wall & (stats[:, cv2.CC_STAT_AREA] >= _LEAST_SURFACE_PX))
-        self.surfaces = [_Surface.of(labels, label, stats[label]) for label in large[large > 0].tolist()]
+        self.wall, self.surfaces = surfaces_of(labels, lit, _LEAST_LIT_PX, _LEAST_SURFACE_PX)
 
     def sort(self) -> None:
         """Decide each surface; those without an edge to the wall wait until one beside them is wall."""
-        grey = _greys(self.seen, self.own, self.cut)
+        self.grey = _greys(self.seen, self.own, self.cut)
         waiting = self.surfaces
         for _ in range(3):
-            left = [surface for surface in waiting if not self._decide(surface, grey)]
+            left = [surface for surface in waiting if not self._decide(surface)]
             if len(left) == len(waiting):
                 break
             waiting = left
@@ -186,16 +194,15 @@ class _Sorting:
             self.wall[surface.box] |= surface.mask
             self.doubtful_px += int(np.count_nonzero(surface.mask))
 
-    def _decide(self, surface: _Surface, grey: BoolArray) -> bool:
+    def _decide(self, surface: Surface) -> bool:
         ring = surface.ring & ~self.cut[surface.box]
         own, wall = ring & self.own[surface.box], ring & self.wall[surface.box]
         around, beside = np.count_nonzero(ring), np.count_nonzero(own)
         is_garment = False
         if beside > _LEAST_CONTACT * around:
-            change = self.seen.change[surface.box]
-            from_own, from_wall = surface.contrast(change, own), surface.contrast(change, wall)
+            from_own, from_wall = surface.contrast(self.seen, own), surface.contrast(self.seen, wall)
             share = self.seen.share[surface.box][surface.mask]
-            likely = bool(np.mean(_is_grey(share, grey)) > 0.5 or np.median(share) < _SHALLOWEST)
+            likely = bool(np.mean(_is_grey(share, self.grey)) > 0.5 or np.median(share) < _SHALLOWEST)
             is_garment = bool(beside > _SURROUNDED * around) or (from_own < from_wall < np.inf and likely)
             if not is_garment and not (from_wall < np.inf and np.count_nonzero(wall) > 2 * _LEAST_CONTACT * around):
                 return False
@@ -203,49 +210,25 @@ class _Sorting:
         (self.garment if is_garment else self.wall)[surface.box] |= surface.mask
         return True
 
-    def edges(self) -> BoolArray:
-        """Mark what could be a shadow, but has a light that no wall around has."""
-        brightness, window = self.seen.brightness, square(7)
-        low = cv2.erode(np.where(self.wall, brightness, np.float32(1e4)), window)
-        high = cv2.dilate(np.where(self.wall, brightness, np.float32(-1e4)), window)
-        margin = np.float32(3 * self.seen.noise)
-        between = (brightness >= low - margin) & (brightness <= high + margin)
-        return np.asarray(self.seen.like & ~self.wall & ~self.garment & ~self.cut & ~between)
-
-    def seams(self) -> BoolArray:
-        """Mark what lies on no surface, beside the garment and as grey as it."""
-        grey = _is_grey(self.seen.share, _greys(self.seen, self.own, self.cut))
-        beside = _bytes(cv2.dilate(_bytes(self.garment), square(2 * _SEAM_PX + 1)))
-        return np.asarray(_opened(self.edges() & grey) & beside, np.bool_)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class _Surface:
-    """A part of the picture without a step: where it is, its pixels and those around it."""
-
-    box: tuple[slice, slice]
-    mask: BoolArray
-    ring: BoolArray
-
-    @classmethod
-    def of(cls, labels: NDArray[Any], label: int, stats: NDArray[Any]) -> _Surface:
-        left, top, width, height = (int(value) for value in stats[:4])
-        box = (
-            slice(max(top - _RING_PX, 0), top + height + _RING_PX),
-            slice(max(left - _RING_PX, 0), left + width + _RING_PX),
+    def edges(self, box: Box) -> BoolArray:
+        """Mark what of a box could be a shadow, but has a light that no wall around has."""
+        margin_px = _WALL_PX // 2
+        around, inside = grown(box, margin_px, self.wall.shape)
+        brightness, wall, window = self.seen.brightness[around], self.wall[around], square(_WALL_PX)
+        low = cv2.erode(np.where(wall, brightness, np.float32(1e4)), window)[inside]
+        high = cv2.dilate(np.where(wall, brightness, np.float32(-1e4)), window)[inside]
+        margin, here = np.float32(3 * self.seen.noise), brightness[inside]
+        explained = (
+            self.wall[box] | self.garment[box] | self.cut[box] | ((here >= low - margin) & (here <= high + margin))
         )
-        mask = np.asarray(labels[box] == label)
-        ring = cv2.dilate(_bytes(mask), square(2 * _RING_PX + 1)).astype(np.bool_) & ~mask
-        return cls(box, mask, ring)
+        return np.asarray(self.seen.like[box] & ~explained)
 
-    def contrast(self, change: Plane, beside: BoolArray) -> float:
-        """Return the difference of the channel that differs most, in grey levels; infinite without a neighbour."""
-        if np.count_nonzero(beside) < 5:
-            return np.inf
-        close = self.mask & cv2.dilate(_bytes(beside), square(2 * _RING_PX + 1)).astype(np.bool_)
-        if not close.any():
-            return np.inf
-        return float(np.abs(np.median(change[beside], axis=0) - np.median(change[close], axis=0)).max())
+    def seams(self, box: Box) -> ByteMask:
+        """Mark what of a box lies on no surface, beside the garment and as grey as it."""
+        around, inside = grown(box, 2, self.wall.shape)  # opening with 2 x 2 pixels looks so far
+        grey = _is_grey(self.seen.share[around], self.grey)
+        beside = _bytes(cv2.dilate(_bytes(self.garment[box]), square(2 * _SEAM_PX + 1)))
+        return _opened(self.edges(around) & grey)[inside] & beside
 
 
 def _greys(seen: Seen, own: BoolArray, cut: BoolArray) -> BoolArray:
@@ -253,14 +236,13 @@ def _greys(seen: Seen, own: BoolArray, cut: BoolArray) -> BoolArray:
 
     Well within the outline of its own pixels, for at its edges the background mixes in.
     """
-    pad = _OUTLINE_PX
-    ellipse = cv2.getStructuringElement(cv2.MORPH_ELLIPSE, (_OUTLINE_PX, _OUTLINE_PX))
-    closed = cv2.morphologyEx(np.pad(_bytes(own), pad), cv2.MORPH_CLOSE, ellipse)[pad:-pad, pad:-pad].copy()
+    box = bounding_box(_bytes(own), _OUTLINE_PX // 2)
+    closed = closed_by_disc(_bytes(own[box]), _OUTLINE_PX)
     contours, _ = cv2.findContours(closed, cv2.RETR_EXTERNAL, cv2.CHAIN_APPROX_NONE)
     cv2.drawContours(closed, contours, -1, 1, cv2.FILLED)
     inside = cv2.erode(closed, square(5), borderType=cv2.BORDER_CONSTANT, borderValue=0).astype(np.bool_)
-    grey = inside & seen.own_hue & ~cut
-    counts = np.bincount(_bins(seen.share[grey]), minlength=2 * _GREY_BINS)
+    grey = inside & seen.own_hue[box] & ~cut[box]
+    counts = np.bincount(_bins(seen.share[box][grey]), minlength=2 * _GREY_BINS)
     near_counts = np.convolve(counts, np.ones(5, np.int64), "same")
     return np.asarray(near_counts >= max(_GREY_LIKELY * np.count_nonzero(inside), _LEAST_GREY_PX))
 
@@ -273,7 +255,7 @@ def _is_grey(share: Plane, grey: BoolArray) -> BoolArray:
     return np.asarray(grey[_bins(share)])
 
 
-def _filled(garment: ByteMask, seen: Seen) -> ByteMask:
+def _filled(garment: ByteMask, seen: Seen, box: Box) -> ByteMask:
     """Close stripes of the wall's very colour, and holes that are none: the lit wall is not seen through them."""
     stripe = np.ones((_STRIPE_PX, 1), np.uint8)
     pad = _STRIPE_PX
@@ -282,11 +264,15 @@ def _filled(garment: ByteMask, seen: Seen) -> ByteMask:
     between = _bytes(cv2.morphologyEx(striped - padded, cv2.MORPH_OPEN, np.ones(_LEAST_STRIPE_PX, np.uint8)))
     between = between[pad:-pad, pad:-pad]
     filled = _bytes(cv2.morphologyEx(striped, cv2.MORPH_CLOSE, square(5))[pad:-pad, pad:-pad])
-    count, labels, stats, _ = cv2.connectedComponentsWithStats(1 - filled, connectivity=4)
-    dark = seen.brightness < -3 * seen.noise
-    dark_px = np.bincount(labels.ravel(), dark.ravel(), minlength=count)
-    holes = (2 * dark_px > stats[:, cv2.CC_STAT_AREA]) | (stats[:, cv2.CC_STAT_AREA] < 30)
-    holes[0] = False
-    for rim in (labels[0], labels[-1], labels[:, 0], labels[:, -1]):
-        holes[rim] = False
-    return np.asarray((filled | _bytes(holes[labels])) + between, np.uint8)
+    labels = cv2.connectedComponents(1 - filled, connectivity=4)[1]
+    rims = np.concatenate([labels[0], labels[-1], labels[:, 0], labels[:, -1]])
+    inner = np.ones(int(labels.max()) + 1, np.bool_)
+    inner[rims] = inner[0] = False
+    if inner.any():
+        within = looked_up(inner, labels)
+        dark = seen.brightness[box][within] < -3 * seen.noise
+        area_px = np.bincount(labels[within], minlength=len(inner))
+        dark_px = np.bincount(labels[within], dark, minlength=len(inner))
+        holes = inner & ((2 * dark_px > area_px) | (area_px < 30))
+        filled |= _bytes(looked_up(holes, labels))
+    return np.asarray(filled + between, np.uint8)

@@ -19,8 +19,8 @@ import numpy as np
 from garment_dataset.errors import PictureError
 from garment_dataset.vision.color.background import Bounds, DriftEstimator, lattice
 from garment_dataset.vision.color.bar import bar_above
-from garment_dataset.vision.color.confidence import confidence
-from garment_dataset.vision.color.edges import refine_edges
+from garment_dataset.vision.color.confidence import confidence, inner_part
+from garment_dataset.vision.color.edges import color_distance, refine_edges
 from garment_dataset.vision.color.light import GainEstimator, LightFinder
 from garment_dataset.vision.color.masks import bounding_box, largest_component, open_close, square
 
@@ -37,9 +37,9 @@ if TYPE_CHECKING:
 Edge = Literal["half_contrast", "threshold"]
 
 _CONTEXT_PX = 8  # rows above the gripper's end point that edges are decided with
-_MARGIN_PX = 16  # around what is looked at closely
 _ELSEWHERE_PX = 7  # side of a square that noise does not fill
 _CORE_PX = 9  # deeper inside, no pixel is background
+_NO_DRIFT = np.zeros(3)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -222,25 +222,24 @@ class BackgroundSubtractor:
         if gripper is not None:
             cut |= gripper
         mask = np.zeros(frame.shape[:2], np.uint8)
-        if not light.garment.any():
-            other = cv2.erode((~light.wall_like & ~cut).view(np.uint8), square(_ELSEWHERE_PX))
+        if isinstance(light, np.ndarray):
+            other = cv2.erode((~light & ~cut).view(np.uint8), square(_ELSEWHERE_PX))
             return Silhouette(mask.view(np.bool_), is_elsewhere=near is not None and bool(other.any()))
-        box = bounding_box(light.garment, _MARGIN_PX)
-        expected = self._mean[box] * gain * light.share[box][..., np.newaxis]
-        marked = self._within(light, frame, expected, box)
+        box, picture = light.box, np.ascontiguousarray(frame[light.box])
+        expected = light.expected(self._mean, gain)
+        marked = self._within(light, picture, expected)
         marked[cut[box]] = 0
         mask[box] = largest_component(marked, None if near is None else near[box])
-        if held is not None and (bar := bar_above(frame, self._mean * gain, mask, held)) is not None:
+        if held is not None and (bar := bar_above(frame, self._mean, mask, held, gain)) is not None:
             mask[bar] = marked[bar[box]] = 0
-            mask = largest_component(mask, near)
-        if not (area_px := np.count_nonzero(mask)):
+            mask[box] = largest_component(mask[box], None if near is None else near[box])
+        there = np.ascontiguousarray(mask[box])
+        if not (area_px := np.count_nonzero(there)):
             return Silhouette(mask.view(np.bool_), is_elsewhere=near is not None)
-        change = frame[box] - expected
-        distance = np.sqrt(np.einsum("vuc,vuc->vu", change, change))
         judged = confidence(
-            mask[box],
-            distance,
-            light.pale[box],
+            there,
+            color_distance(picture, expected, np.flatnonzero(inner_part(there))),
+            light.pale,
             by_edges_alone=light.by_edges_alone,
             doubtful_px=light.doubtful_px,
             lost_px=int(np.count_nonzero(marked)) - int(area_px),
@@ -248,17 +247,19 @@ class BackgroundSubtractor:
         )
         return Silhouette(mask.view(np.bool_), *judged)
 
-    def _within(self, light: Light, frame: ColorImage, expected: FloatArray, box: Box) -> ByteMask:
+    def _within(self, light: Light, picture: ColorImage, expected: FloatArray) -> ByteMask:
         """Mark what differs from the wall in its light, within what is garment."""
-        garment, between = np.minimum(light.garment[box], np.uint8(1)), light.garment[box] >> np.uint8(1)
-        shift = np.rint(expected - self._mean[box]).astype(np.int16)
+        garment, between = np.minimum(light.garment, np.uint8(1)), light.garment >> np.uint8(1)
         opened, closed = self._sides_px
-        differs = np.minimum(open_close(self._bounds[box].outside(frame[box], shift), opened, closed), np.uint8(1))
+        change = expected - self._mean[light.box]
+        shift = np.rint(change, out=change).astype(np.int16)
+        outside = self._bounds[light.box].outside(picture, shift)
+        differs = np.minimum(open_close(outside, opened, closed), np.uint8(1))
         core = np.asarray(cv2.erode(garment, square(_CORE_PX), borderType=cv2.BORDER_CONSTANT, borderValue=0), np.uint8)
         coarse = np.asarray(open_close((differs & garment) | core | between, 1, closed) & garment, np.uint8)
         if self._edge == "threshold":
             return coarse
-        return refine_edges(np.ascontiguousarray(frame[box]), expected, coarse, np.zeros(3), light.edges[box])
+        return refine_edges(picture, expected, coarse, _NO_DRIFT, light.edges)
 
     def _search(self, frame: ColorImage, shift: NDArray[np.int16], top: int) -> Box | None:
         """Find a box that holds all that opening leaves at and below row ``top``, or None when that is nothing.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from garment_dataset.vision.color.confidence import Confidence, confidence
+from garment_dataset.vision.color.confidence import Confidence, confidence, inner_part
 
 CONTRAST = np.full((100, 100), 100.0)
 NOWHERE = np.zeros((100, 100), np.bool_)
@@ -25,7 +25,15 @@ def judged(
     alone: bool = False,
     doubtful_px: int = 0,
 ) -> Confidence:
-    return confidence(mask, CONTRAST, pale, by_edges_alone=alone, doubtful_px=doubtful_px, lost_px=lost_px, noise=noise)
+    return confidence(
+        mask,
+        CONTRAST[inner_part(mask) > 0],
+        pale,
+        by_edges_alone=alone,
+        doubtful_px=doubtful_px,
+        lost_px=lost_px,
+        noise=noise,
+    )
 
 
 def test_a_broad_sheet_of_clear_contrast_is_sure() -> None:
