@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import math
-import struct
-import zlib
 from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 
 from garment_dataset.errors import PictureError, TableError
+from garment_dataset.vision.color.png import read_own_png, write_png
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -25,13 +24,9 @@ if TYPE_CHECKING:
 Box = tuple[slice, slice]
 """Rows and columns of a part of an image."""
 
-_PNG_SIGNATURE = b"\x89PNG\r\n\x1a\n"
-
 
 def encode_mask(mask: BoolArray) -> bytes:
     """Write a mask as a PNG of one bit per pixel; equal masks give equal bytes.
-
-    Written here, for it is a fifth of the time and half the bytes of ``cv2.imencode``.
 
     Parameters
     ----------
@@ -42,20 +37,7 @@ def encode_mask(mask: BoolArray) -> bytes:
     bytes
         White is True; some 500 bytes for a garment in 640 x 480 pixels.
     """
-    height, width = mask.shape
-    rows = np.zeros((height, 1 + (width + 7) // 8), np.uint8)  # in front of each row its filter: none
-    rows[:, 1:] = np.packbits(mask, axis=1)
-    header = struct.pack(">IIBBBBB", width, height, 1, 0, 0, 0, 0)  # 1 bit, grey, the standard's only methods
-    return (
-        _PNG_SIGNATURE
-        + _chunk(b"IHDR", header)
-        + _chunk(b"IDAT", zlib.compress(rows.tobytes(), 6))
-        + _chunk(b"IEND", b"")
-    )
-
-
-def _chunk(kind: bytes, data: bytes) -> bytes:
-    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+    return write_png(mask)
 
 
 def decode_mask(png: bytes) -> BoolArray:
@@ -75,6 +57,8 @@ def decode_mask(png: bytes) -> BoolArray:
     TableError
         If it is no such image.
     """
+    if (own := read_own_png(png)) is not None:
+        return own
     image = cv2.imdecode(np.frombuffer(png, np.uint8), cv2.IMREAD_GRAYSCALE) if png else None
     if image is None:
         raise TableError("mask that cannot be read", expected="a PNG image", found=f"{len(png)} bytes")
@@ -178,13 +162,11 @@ def largest_component(mask: ByteMask, near: BoolArray | None = None) -> ByteMask
     """
     if near is not None and not (mask & near).any():
         return np.zeros(mask.shape, np.uint8)
-    contours, hierarchy = cv2.findContours(mask, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
-    if len(contours) == 0 or np.count_nonzero(hierarchy[0, :, 3] < 0) == 1:  # one border that is not a hole's
-        return np.minimum(mask, np.uint8(1))  # nearly always, and far cheaper than labelling
     few = mask.size < 4 * np.iinfo(np.uint16).max  # regions touch no other: at most one in 2 x 2 pixels
-    _, labels, stats, _ = cv2.connectedComponentsWithStats(
-        mask, connectivity=8, ltype=cv2.CV_16U if few else cv2.CV_32S
-    )
+    kind = cv2.CV_16U if few else cv2.CV_32S
+    if cv2.connectedComponents(mask, connectivity=8, ltype=kind)[0] <= 2:  # a region and the rest
+        return np.minimum(mask, np.uint8(1))  # nearly always, and far cheaper than measuring them
+    _, labels, stats, _ = cv2.connectedComponentsWithStats(mask, connectivity=8, ltype=kind)
     left, top, area = (stats[1:, key] for key in (cv2.CC_STAT_LEFT, cv2.CC_STAT_TOP, cv2.CC_STAT_AREA))
     order = 1 + np.lexsort((left, top, -area))
     there = range(1, len(stats)) if near is None else set(np.unique(labels[near]).tolist())

@@ -186,13 +186,13 @@ def middle(values: NDArray[Any], count: int) -> float:
         ordered = np.sort(flat)
         return float(np.mean(ordered[first : last + 1]))
     sample = np.sort(flat[::_SAMPLED])
-    at, slack = first // _SAMPLED, 2 * math.isqrt(len(sample))
+    at, slack = first // _SAMPLED, 3 * math.isqrt(len(sample)) // 2
     low, high = sample[max(at - slack, 0)], sample[min(at + slack, len(sample) - 1)]
     below = int(np.count_nonzero(flat < low))
     between = np.asarray(flat[(flat >= low) & (flat <= high)], flat.dtype)
     if not below <= first <= last < below + len(between):
         below, between = 0, flat
-    return float(np.mean(np.sort(between)[first - below : last - below + 1]))
+    return float(np.mean(np.partition(between, (first - below, last - below))[first - below : last - below + 1]))
 
 
 def dark_lines(seen: Seen) -> BoolArray:
@@ -212,7 +212,9 @@ def dark_lines(seen: Seen) -> BoolArray:
     deep = dip > _DEEP_DIP
     if not deep.any():
         return np.asarray(deep)
-    least = max(_FAINT_DIP, _DIP_NOISE * seen.noise / middle(seen.level, seen.level.size))
+    least, noise = _FAINT_DIP, _DIP_NOISE * seen.noise
+    if 2 * np.count_nonzero(seen.level * np.float32(_FAINT_DIP) < noise) >= seen.level.size:  # rare, and costs more
+        least = max(least, noise / middle(seen.level, seen.level.size))
     count, labels = cv2.connectedComponents(np.asarray(dip > least, np.uint8), connectivity=8)
     kept = np.zeros(count, np.bool_)
     kept[labels[deep]] = True

@@ -79,7 +79,10 @@ def surfaces_of(
     coarse = (slice(None, None, _LATTICE_PX),) * 2
     counts = np.bincount(labels[coarse][lit[coarse]], minlength=1)
     wall = np.asarray(labels == (np.argmax(counts) if counts.max() >= least_lit_px else -1))
-    v, u = np.divmod(np.flatnonzero((labels > 0) & ~wall), labels.shape[1])
+    others = cv2.findNonZero(((labels > 0) & ~wall).view(np.uint8))
+    if others is None:
+        return wall, []
+    u, v = others.reshape(-1, 2).T
     rest = labels[v, u]
     is_wall = np.bincount(rest, lit[v, u], minlength=1) >= least_lit_px
     of_wall = is_wall[rest]
