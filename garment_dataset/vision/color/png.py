@@ -50,7 +50,7 @@ def read_own_png(png: bytes) -> BoolArray | None:
         return None
     width, height, *kind = struct.unpack(">IIBBBBB", png[16:29])
     data, row = png[start + 8 : end - 4], 1 + (width + 7) // 8
-    whole = png[:8] + _chunk(b"IHDR", png[16:29]) + _chunk(b"IDAT", data) + _chunk(b"IEND", b"")
+    whole = _SIGNATURE + _chunk(b"IHDR", png[16:29]) + _chunk(b"IDAT", data) + _chunk(b"IEND", b"")
     if png != whole or kind != [1, 0, 0, 0, 0]:
         return None
     try:
