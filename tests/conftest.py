@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import shutil
+import tempfile
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -16,10 +18,24 @@ from garment_dataset.workspace import Workspace
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+CACHE_VARIABLE = "GARMENT_CACHE_DIR"
+
 PERIOD_NS = 33_000_000
 START_NS = 1_400_000_000_000_000_000
 WIDTH_PX, HEIGHT_PX, FOCAL_PX = 160, 120, 142.5
 REST_M = (0.02, -0.28, 1.065)
+
+
+def pytest_configure(config: pytest.Config) -> None:
+    """Give all tests of a run, and all its workers, one cache: nobody's own is read or written."""
+    if not hasattr(config, "workerinput"):
+        os.environ[CACHE_VARIABLE] = tempfile.mkdtemp(prefix="garment-cache-")
+
+
+def pytest_unconfigure(config: pytest.Config) -> None:
+    """Remove it."""
+    if not hasattr(config, "workerinput"):
+        shutil.rmtree(os.environ[CACHE_VARIABLE], ignore_errors=True)
 
 
 class MakeRecording(Protocol):

@@ -5,18 +5,19 @@ from __future__ import annotations
 import contextlib
 import functools
 import json
-import os
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from garment_dataset.engine.canonical import digest
+from garment_dataset.engine.code_memory import CodeMemory, write_json
 from garment_dataset.engine.codebase.libraries import library_versions
 from garment_dataset.engine.loaded import ContentStates, content_state
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping
 
+    from garment_dataset.engine.code_memory import Entry
     from garment_dataset.engine.codebase.fingerprint import CodeBase, Fingerprint
     from garment_dataset.engine.stage import Stage
 
@@ -25,8 +26,6 @@ _DECIDES_NOTHING = frozenset({"pydantic"})
 
 _WRITES = ("pyarrow",)
 """Libraries that decide about every file."""
-
-_TAG = "fingerprints/2"
 
 
 @dataclass(frozen=True)
@@ -73,20 +72,19 @@ class CodeCache:
         Keeps ``fingerprints.json``, and ``<digest>.json`` with the parts of every digest that was ever seen.
     roots : mapping of str to Path
         First-party packages by name.
+    shared_folder : Path, optional
+        Keeps what other workspaces of the same installation have computed.
     """
 
-    def __init__(self, folder: Path, roots: Mapping[str, Path]) -> None:
+    def __init__(self, folder: Path, roots: Mapping[str, Path], shared_folder: Path | None = None) -> None:
         self._folder = folder
         self._roots = dict(roots)
         # two installations on one workspace must not take each other's code for their own
         self._place = digest("roots/1", {name: str(path) for name, path in roots.items()})
         self._code_base: CodeBase | None = None
         self._content_states = ContentStates()
-        self._remembered = self._load()
-
-    @property
-    def _file(self) -> Path:
-        return self._folder / "fingerprints.json"
+        self._own = CodeMemory(folder / "fingerprints.json")
+        self._shared = None if shared_folder is None else CodeMemory(shared_folder / f"{self._place}.json")
 
     def codes(self, stages: Iterable[Stage]) -> dict[str, Code]:
         """Return the code of each stage by name.
@@ -96,12 +94,15 @@ class CodeCache:
         UntraceableCodeError
             If a stage reaches code that cannot be followed.
         """
-        before = json.dumps(self._remembered)
         self._code_base = None  # it keeps what it has read
         state_of = functools.cache(self._content_states)  # asked once, whatever number of stages rests on a file
-        entries = {stage.name: self._entry(stage, state_of) for stage in stages}
-        if json.dumps(self._remembered) != before:
+        before = dict(self._own.entries)
+        computed: dict[str, Entry] = {}
+        entries = {stage.name: self._entry(stage, state_of, computed) for stage in stages}
+        if self._own.entries != before:
             self._save(entries.values())
+        if computed and self._shared is not None:
+            self._shared.share(computed)
         found = {name for entry in entries.values() for name in entry["libraries"]}
         libraries = library_versions(sorted({*found, *_WRITES}))
         return {
@@ -117,49 +118,45 @@ class CodeCache:
 
     def is_as_read(self, stage: Stage) -> bool:
         """Say whether the files that a stage's fingerprint rests on still have the content that it was read from."""
-        return not self._is_outdated(self._remembered[self._name(stage)], self._content_states)
+        return self._is_current(self._own.entries[self._name(stage)], self._content_states)
 
-    def _is_outdated(self, entry: Mapping[str, Any], state_of: Callable[[str], str | None]) -> bool:
-        """Say whether a file has changed, or what was a library has become first-party code."""
+    def _is_current(self, entry: Entry, state_of: Callable[[str], str | None]) -> bool:
+        """Say whether no file has changed, and nothing that was a library has become first-party code."""
         if not self._roots.keys().isdisjoint(entry["libraries"]):
-            return True
-        return any(state_of(path) != state for path, state in entry["files"])
+            return False
+        return all(state_of(path) == state for path, state in entry["files"])
 
-    def _entry(self, stage: Stage, state_of: Callable[[str], str | None]) -> dict[str, Any]:
+    def _entry(self, stage: Stage, state_of: Callable[[str], str | None], computed: dict[str, Entry]) -> Entry:
         name = self._name(stage)
-        entry: dict[str, Any] | None = self._remembered.get(name)
-        if entry is None or self._is_outdated(entry, state_of):
-            from garment_dataset.engine.codebase.fingerprint import CodeBase
-
-            if self._code_base is None:
-                self._code_base = CodeBase(self._roots)
-            params = f"{stage.params.__module__}:{stage.params.__qualname__}"
-            entry = _to_json(self._code_base.fingerprint(f"{stage.module}:{stage.name}", fields_excluded=(params,)))
-            self._remembered[name] = entry
+        for memory in (self._own, self._shared):
+            entry = None if memory is None else memory.entries.get(name)
+            if entry is not None and self._is_current(entry, state_of):
+                break
+        else:
+            entry = computed[name] = self._compute(stage)
+        self._own.entries[name] = entry
         return entry
+
+    def _compute(self, stage: Stage) -> Entry:
+        from garment_dataset.engine.codebase.fingerprint import CodeBase
+
+        if self._code_base is None:
+            self._code_base = CodeBase(self._roots)
+        params = f"{stage.params.__module__}:{stage.params.__qualname__}"
+        return _to_json(self._code_base.fingerprint(f"{stage.module}:{stage.name}", fields_excluded=(params,)))
 
     def _name(self, stage: Stage) -> str:
         return f"{stage.module}:{stage.name} in {self._place}"
 
-    def _load(self) -> dict[str, Any]:
-        """Return what was remembered; nothing of what does not read back as written."""
-        try:
-            kept = json.loads(self._file.read_text("utf-8"))
-            remembered: dict[str, Any] = kept["entries"]
-            return remembered if kept["check"] == digest(_TAG, remembered) else {}
-        except (OSError, ValueError, KeyError, TypeError):
-            return {}
-
-    def _save(self, entries: Iterable[Mapping[str, Any]]) -> None:
-        # a reader without write permission computes its fingerprints anew each time
+    def _save(self, entries: Iterable[Entry]) -> None:
+        # a reader without write permission looks for its fingerprints anew each time
         with contextlib.suppress(OSError):
-            self._folder.mkdir(parents=True, exist_ok=True)
+            self._own.save()
             for entry in entries:
-                _write(self._folder / f"{entry['digest']}.json", entry["parts"])
-            _write(self._file, {"check": digest(_TAG, self._remembered), "entries": self._remembered})
+                write_json(self._folder / f"{entry['digest']}.json", entry["parts"])
 
 
-def _to_json(found: Fingerprint) -> dict[str, Any]:
+def _to_json(found: Fingerprint) -> Entry:
     # what was found also rests on the code that found it
     files = (*found.files, *sorted((Path(__file__).parent / "codebase").glob("*.py")))
     states = [(str(path), found.states.get(path) or content_state(str(path))) for path in files]
@@ -169,9 +166,3 @@ def _to_json(found: Fingerprint) -> dict[str, Any]:
         "libraries": [name for name in found.libraries if name not in _DECIDES_NOTHING],
         "files": [[path, state] for path, state in states if state is not None],
     }
-
-
-def _write(path: Path, value: object) -> None:
-    temporary = path.with_name(f".{path.name}.{os.getpid()}")
-    temporary.write_text(json.dumps(value, sort_keys=True), "utf-8")
-    temporary.replace(path)

@@ -18,6 +18,7 @@ from garment_dataset.errors import FilterError, MissingExtraError, UsageError, d
 from garment_dataset.workspace.graph import draw_graph
 from garment_dataset.workspace.known_stages import KnownStages
 from garment_dataset.workspace.pipelines import load_pipelines
+from garment_dataset.workspace.user_cache import user_cache_dir
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Iterator, Sequence
@@ -96,7 +97,10 @@ class Session:
             node_id for node_id in drawn.partial_groups if not self._stage_names or node_id.stage in self._stage_names
         ]
         self._roots = known.roots()
-        self._code_cache = CodeCache(layout.private_dir / "code", self._roots)
+        shared_dir = user_cache_dir()
+        self._code_cache = CodeCache(
+            layout.private_dir / "code", self._roots, None if shared_dir is None else shared_dir / "code"
+        )
         for name in ("codes", "_whole_graph"):
             self.__dict__.pop(name, None)
 
