@@ -67,8 +67,14 @@ def build(
     if is_of_all and not (dry_run or force or rehash) and (settled := recalled(workspace)) is not None:
         _say_settled(settled, as_json=as_json)
         return
+    from garment_dataset.engine.executors import server_ahead
+
     began_ns = time.time_ns()
-    with noting_warnings() as shown, open_session(workspace, filters or (), stage or ()) as session:
+    with (
+        server_ahead(0 if dry_run or scheduler else jobs),
+        noting_warnings() as shown,
+        open_session(workspace, filters or (), stage or ()) as session,
+    ):
         plan = session.plan()
         _refuse_nothing(session, plan)
         if dry_run:

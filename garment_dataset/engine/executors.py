@@ -11,7 +11,7 @@ import threading
 import types
 from concurrent.futures import Executor, Future, ProcessPoolExecutor
 from multiprocessing import forkserver
-from typing import TYPE_CHECKING, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from garment_dataset.engine.threads import VARIABLES, one_thread_variables
 
@@ -22,8 +22,11 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_PRELOADED = ("numpy", "pandas", "pyarrow.parquet", "cv2")
+_PRELOADED = ("numpy", "pandas", "pyarrow.parquet", "cv2", "pydantic", "rosbags.typesys")
 """Libraries that workers load sooner or later; one that is not installed is passed over."""
+
+# Public is only to start it
+_SERVER: Any = forkserver._forkserver  # noqa: SLF001
 
 _OF_THE_TERMINAL = [signal.Signals[name] for name in ("SIGINT", "SIGHUP", "SIGQUIT") if hasattr(signal, name)]
 
@@ -70,8 +73,7 @@ class LocalExecutor(ProcessPoolExecutor):
         """End the processes, and with the last of them the server that they were forked from."""
         super().shutdown(wait, cancel_futures=cancel_futures)
         if wait and self._is_forked:
-            # public is only to start it; left running, it would give a later build the libraries of this moment
-            forkserver._forkserver._stop()  # type: ignore[attr-defined]  # noqa: SLF001
+            _SERVER._stop()  # noqa: SLF001 - left running, it would give a later build the libraries of this moment
 
     def kill(self) -> None:
         """End all processes at once, whatever they do."""
@@ -85,9 +87,36 @@ class LocalExecutor(ProcessPoolExecutor):
                 process.join(5)
 
 
+@contextlib.contextmanager
+def server_ahead(jobs: int | None) -> Iterator[None]:
+    """Have the server that workers are forked from, where there is one, import while this process plans.
+
+    It ends with the first executor that uses it, or here.
+
+    Parameters
+    ----------
+    jobs : int, optional
+        How many workers are wanted; by default as many as there are processors. For one, no server is started.
+    """
+    if (usable_cpus() if jobs is None else jobs) > 1 and _can_serve():
+        multiprocessing.set_forkserver_preload(list(_PRELOADED))
+        with _without_program(), _deaf(), one_thread_variables():
+            forkserver.ensure_running()
+    try:
+        yield
+    finally:
+        if (pid := _SERVER._forkserver_pid) is not None:  # noqa: SLF001
+            os.kill(pid, signal.SIGKILL)  # in the midst of an import it would hear nothing else
+            _SERVER._stop()  # noqa: SLF001
+
+
+def _can_serve() -> bool:
+    return "forkserver" in multiprocessing.get_all_start_methods()
+
+
 def _context(jobs: int) -> BaseContext:
-    """Return how processes are started; for a single one, a server would only come on top."""
-    if jobs < 2 or "forkserver" not in multiprocessing.get_all_start_methods():
+    """Return how processes are started; for a single one, a server that does not run yet would only come on top."""
+    if not _can_serve() or (jobs < 2 and _SERVER._forkserver_pid is None):  # noqa: SLF001
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(list(_PRELOADED))
