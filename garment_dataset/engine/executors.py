@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 P = ParamSpec("P")
 T = TypeVar("T")
 
-_PRELOADED = ("numpy", "pandas", "pyarrow.parquet", "cv2", "pydantic", "rosbags.typesys")
+_PRELOADED = ("numpy", "pandas", "pyarrow.parquet", "cv2", "pydantic")
 """Libraries that workers load sooner or later; one that is not installed is passed over."""
 
 # Public is only to start it
