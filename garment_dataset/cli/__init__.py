@@ -35,6 +35,7 @@ VERBS = {
     "mask": "mask.mask",
     "simulate": "simulate.simulate",
     "score": "score.score",
+    "plot": "plot.plot",
 }
 """Where the function of each verb lies in this package, in the order of ``--help``: one that runs imports no other."""
 

@@ -36,5 +36,6 @@ STAGES = (
     "central_curve",
     "quality",
     "tracks",
+    "repeatability",
 )
 """The stages that the package brings: each is ``STAGE`` in the module of its name here."""
