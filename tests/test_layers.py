@@ -27,7 +27,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "features": {"arrays", "engine", "errors", "layout"},
     "workspace": {"catalog", "engine", "errors", "files", "interrupts", "layout", "stages"},
     "score": {"arrays", "errors", "features", "layout", "vision"},
-    "view": {"bags", "catalog", "errors", "features", "layout"},
+    "view": {"arrays", "bags", "catalog", "errors", "features", "layout"},
     "simulate": {"catalog", "engine", "errors"},
     "doctor": {"catalog", "engine", "layout"},
     "checks": {"bags", "catalog", "engine", "errors", "files", "layout"},

@@ -24,11 +24,17 @@ _SIDES = {"x": "right", "y": "down", "z": "forward"}
 def _over_time(kind: str, axis: str) -> tuple[Column, ...]:
     unit, what = _KINDS[kind]
     name, suffix = f"{kind}{axis}", unit.replace("/", "_")
-    between, stated = f"{name}_between_std_{suffix}", f"{name}_stated_std_{suffix}"
+    between, stated = f"{name}_between_{suffix}", f"{name}_stated_{suffix}"
     return (
         Column(f"{name}_mean_{suffix}", "float64", unit, f"mean over the repeats of {what}, {_SIDES[axis]}", True),
         Column(between, "float64", unit, f"standard deviation of {name} between the repeats", True),
-        Column(stated, "float64", unit, f"what the stated uncertainties of {name} and of the onset make of it", True),
+        Column(
+            stated,
+            "float64",
+            unit,
+            f"most of that which the stated uncertainties of {name} and of the onset explain",
+            True,
+        ),
     )
 
 
@@ -154,8 +160,8 @@ def _compare(tables: list[pa.Table], axis: str, times_s: FloatArray, over_time: 
         over_time |= {
             **({"repeats": spread.repeats} if kind == "d" else {}),
             f"{name}_mean_{suffix}": spread.mean,
-            f"{name}_between_std_{suffix}": spread.std,
-            f"{name}_stated_std_{suffix}": spread.stated,
+            f"{name}_between_{suffix}": spread.std,
+            f"{name}_stated_{suffix}": spread.stated,
         }
         summary = summarise(spread, values, times_s)
         found |= {"reason": "no_common_time"} if summary is None else _summary(summary, kind, suffix)

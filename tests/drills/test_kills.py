@@ -38,11 +38,13 @@ def children(pid: int) -> list[int]:
 
 
 def workers(pid: int) -> list[int]:
-    """Return the processes that run stages; Python's own, which keeps track of semaphores, is none."""
+    """Return the processes that run stages: not the server that they are forked from, nor Python's own."""
     found = []
     for child in children(pid):
         with contextlib.suppress(OSError):
-            if b"spawn_main" in Path(f"/proc/{child}/cmdline").read_bytes():
+            command = Path(f"/proc/{child}/cmdline").read_bytes()
+            parent = int(Path(f"/proc/{child}/stat").read_text().rpartition(")")[2].split()[1])
+            if b"spawn_main" in command or (b"forkserver" in command and parent != pid):
                 found.append(child)
     return found
 
