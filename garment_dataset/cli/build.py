@@ -90,7 +90,7 @@ def build(
         from garment_dataset.workspace import building
 
         open_nodes = [decision for decision in plan if force or decision.state != "fresh"]
-        with progress(len(open_nodes)) as tell:
+        with progress(decision.node for decision in open_nodes) as (begin, tell):
             report = building.build(
                 session,
                 jobs=jobs,
@@ -101,6 +101,7 @@ def build(
                 wait=not no_wait,
                 is_planned=True,
                 emit=tell,
+                begin=begin,
                 tell=lambda text: say(f"garment: {text}"),
             )
         _summarise(report, session, as_json=as_json)

@@ -4,33 +4,41 @@ from __future__ import annotations
 
 import os
 import sys
+import threading
+import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 from garment_dataset.cli.output import say
+from garment_dataset.cli.pace import Pace
 from garment_dataset.cli.saying import QUALITY_STAGE
 from garment_dataset.engine.events import Ending
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Iterator
+    from collections.abc import Callable, Iterable, Iterator
 
     from garment_dataset.engine.events import Event
+    from garment_dataset.engine.graph import NodeId
+
+_MOST_AT_WORK = 8
+_WHOLE = 100
+"""Frames per second that are told without decimals."""
 
 
 @contextmanager
-def progress(total: int) -> Iterator[Callable[[Event], None]]:
-    """Yield what is to be told of every ending.
+def progress(nodes: Iterable[NodeId]) -> Iterator[tuple[Callable[[NodeId], None], Callable[[Event], None]]]:
+    """Yield what is to be told of every beginning, and of every ending.
 
     Parameters
     ----------
-    total : int
-        Number of endings to come.
+    nodes : iterable of NodeId
+        Those that are to end.
     """
     if sys.stderr.isatty() and "CI" not in os.environ and os.environ.get("TERM") != "dumb":
-        with _bar(total) as tell:
-            yield tell
+        with _bar(Pace(nodes)) as told:
+            yield told
     else:
-        yield _say_line
+        yield lambda _: None, _say_line
 
 
 def _say_line(event: Event) -> None:
@@ -55,30 +63,62 @@ def line(event: Event) -> str:
 
 
 @contextmanager
-def _bar(total: int) -> Iterator[Callable[[Event], None]]:
-    from rich.console import Console
-    from rich.progress import (
-        BarColumn,
-        MofNCompleteColumn,
-        Progress,
-        TextColumn,
-        TimeElapsedColumn,
-        TimeRemainingColumn,
-    )
+def _bar(pace: Pace) -> Iterator[tuple[Callable[[NodeId], None], Callable[[Event], None]]]:
+    """Show how far a build is and, below, what is at work; drawn anew by a thread four times a second."""
+    from rich.console import Console, Group
+    from rich.live import Live
+    from rich.progress_bar import ProgressBar
+    from rich.table import Table
+    from rich.text import Text
 
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
-    with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
-        task = bar.add_task("building", total=total)
+    lock, began_s = threading.Lock(), time.monotonic()
+
+    def drawn() -> Group:
+        now_s = time.monotonic()
+        with lock:
+            texts, done, total = at_work(pace, now_s), pace.ended, pace.total
+            left = time_left(pace, now_s)
+        head = Table.grid(padding=(0, 2))
+        head.add_row(
+            ProgressBar(max(total, 1), done, width=24), f"{done}/{total}", f"{_clock(now_s - began_s)} so far", left
+        )
+        return Group(head, *(Text(text, no_wrap=True, overflow="ellipsis") for text in texts))
+
+    with Live(console=Console(stderr=True), get_renderable=drawn, transient=True) as live:
+
+        def begin(node: NodeId) -> None:
+            with lock:
+                pace.begin(node, time.monotonic())
 
         def tell(event: Event) -> None:
-            bar.update(task, advance=1, description=f"{event.node.stage} {event.node.subject}")
+            with lock:
+                pace.end(event)
             if event.ending is Ending.FAILED or (event.ending is Ending.BUILT and event.notes):
-                bar.console.print(line(event), markup=False, highlight=False)
+                live.console.print(line(event), markup=False, highlight=False)
 
-        yield tell
+        yield begin, tell
+
+
+def at_work(pace: Pace, now_s: float) -> list[str]:
+    """Return a line for each result that is being made: stage, recording, since when, and how fast the stage was."""
+    lines = []
+    for node, began_s in pace.running.items():
+        speed = pace.frames_per_s(node.stage)
+        measured = "" if speed is None else f"  {speed:.1f} frames/s" if speed < _WHOLE else f"  {speed:.0f} frames/s"
+        variant = f" ({node.variant})" if node.variant else ""
+        lines.append(f"  {node.stage} {node.subject}{variant}  {now_s - began_s:.0f} s{measured}")
+    more = len(lines) - _MOST_AT_WORK
+    return lines if more <= 0 else [*lines[:_MOST_AT_WORK], f"  and {more} more"]
+
+
+def time_left(pace: Pace, now_s: float) -> str:
+    """Return how long the rest will take by what was measured; empty while nothing was."""
+    left = pace.left(now_s)
+    if left is None or (left.is_least and left.seconds < 1):  # "more than nothing" says nothing
+        return ""
+    return f"{'more than' if left.is_least else 'about'} {_clock(left.seconds)} left"
+
+
+def _clock(seconds: float) -> str:
+    minutes, rest = divmod(int(seconds), 60)
+    return f"{minutes // 60}:{minutes % 60:02}:{rest:02}" if minutes >= 60 else f"{minutes}:{rest:02}"

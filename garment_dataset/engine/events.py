@@ -7,6 +7,8 @@ from enum import StrEnum
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from garment_dataset.engine.graph import NodeId
 
 
@@ -26,7 +28,11 @@ class Ending(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Event:
-    """One node's ending, as it happens; ``is_repeated``: a failure that was not tried again."""
+    """One node's ending, as it happens.
+
+    ``is_repeated``: a failure that was not tried again. ``counts``: of what was built, how many different values each
+    key column of its tables has.
+    """
 
     node: NodeId
     ending: Ending
@@ -34,6 +40,7 @@ class Event:
     message: str = ""
     notes: tuple[str, ...] = ()
     is_repeated: bool = False
+    counts: Mapping[str, int] = field(default_factory=dict)
 
 
 @dataclass

@@ -52,6 +52,8 @@ class Run:
         See there.
     emit : callable
         Told of every node's ending as it happens.
+    begin : callable
+        Told of every node that work is handed over for.
     """
 
     def __init__(
@@ -65,6 +67,7 @@ class Run:
         pool: Pool,
         options: Options,
         emit: Callable[[Event], None],
+        begin: Callable[[NodeId], None] = lambda _: None,
     ) -> None:
         self._graph = graph
         self._plan = plan
@@ -75,6 +78,7 @@ class Run:
         self._errands = Errands(pool)
         self._options = options
         self._emit = emit
+        self._begin = begin
         self._scratch_dir = store.scratch_dir / uuid.uuid4().hex
         self._failures = store.index.failures()
         self._digests = store.index.source_digests()
@@ -186,6 +190,7 @@ class Run:
         if self._errands.wait_for_twin(node, work.key):
             return
         try:
+            self._begin(node.id)
             self._errands.hand_over(Errand(node, work), function)
         except BrokenProcessPool:
             # a worker has died since the last look, before this node had any part in it
@@ -259,7 +264,8 @@ class Run:
         ending = Ending.BUILT
         if task.donor:
             ending, message = Ending.RELABELLED, f"from {task.donor_subject}"
-        self._end(Event(node.id, ending, made.seconds, message=message, notes=made.notes), result)
+        event = Event(node.id, ending, made.seconds, message=message, notes=made.notes, counts=made.counts)
+        self._end(event, result)
 
     def _is_healed(self, node: Node, trouble: Trouble) -> bool:
         """Have a stored table that turned out damaged made anew, and then the node that was to read it."""

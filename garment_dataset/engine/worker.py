@@ -129,13 +129,17 @@ class Reading(NamedTuple):
 
 
 class Written(NamedTuple):
-    """One table on scratch: where, the sha256 of its bytes, its content digest, its rows, its digest with labels."""
+    """One table on scratch: where, the sha256 of its bytes, its content digest, its rows, its digest with labels.
+
+    ``counts``: how many different values each key column has.
+    """
 
     path: Path
     digest: str
     content: str
     rows: int
     labelled: str
+    counts: Mapping[str, int]
 
 
 @dataclass(frozen=True)
@@ -145,6 +149,14 @@ class Success:
     outputs: Mapping[str, Written]
     notes: tuple[str, ...]
     seconds: float
+
+    @property
+    def counts(self) -> dict[str, int]:
+        """How many different values each key column has, in the table that has most."""
+        found: dict[str, int] = {}
+        for written in self.outputs.values():
+            found |= {key: max(count, found.get(key, 0)) for key, count in written.counts.items()}
+        return found
 
 
 @dataclass(frozen=True)
@@ -278,7 +290,8 @@ def _write(output: TableSpec, table: pa.Table, tables: list[str], task: Task, no
     }
     path = task.scratch_dir / f"{uuid.uuid4().hex}.parquet"
     write_artifact(labelled, path, footer)
-    return Written(path, file_digest(path), content, table.num_rows, with_labels)
+    counts = {key: len(table[key].unique()) for key in output.keys}
+    return Written(path, file_digest(path), content, table.num_rows, with_labels, counts)
 
 
 def _check_code(task: Task) -> None:

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from garment_dataset.engine.events import Event, Report
+    from garment_dataset.engine.graph import NodeId
     from garment_dataset.workspace.session import Session
 
 _INTERRUPTED = "interrupted; what was finished is kept, `garment build` goes on from there"
@@ -34,6 +35,7 @@ def build(
     wait: bool = True,
     is_planned: bool = False,
     emit: Callable[[Event], None] = lambda _: None,
+    begin: Callable[[NodeId], None] = lambda _: None,
     tell: Callable[[str], None] = lambda _: None,
 ) -> Report:
     """Make what is missing or stale.
@@ -59,6 +61,8 @@ def build(
         Whether the session's plan was made just now, and is to be acted on unless another build came between.
     emit : callable
         Told of every node's ending as it happens.
+    begin : callable
+        Told of every node that work is handed over for.
     tell : callable
         Told for whom this waits.
 
@@ -84,6 +88,7 @@ def build(
                 forced=forced,
                 is_planned=is_planned,
                 emit=emit,
+                begin=begin,
             )
             describe_tables(session)
             note_orphans(session)

@@ -185,6 +185,7 @@ class Session:
         forced: bool = False,
         is_planned: bool = False,
         emit: Callable[[Event], None] = lambda _: None,
+        begin: Callable[[NodeId], None] = lambda _: None,
     ) -> Report:
         """Act on a plan, under the lock: see :func:`garment_dataset.workspace.building.build`.
 
@@ -207,6 +208,7 @@ class Session:
                 pool=pool,
                 options=Options(slots, retry_failed, forced, frozenset(self.orphans())),
                 emit=emit,
+                begin=begin,
             ).finish()
 
     @contextmanager
