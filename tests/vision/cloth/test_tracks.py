@@ -207,6 +207,12 @@ def test_folds_make_places_uncertain_as_they_move_and_flat_sheets_do_not() -> No
     assert (folded[:, 1] == 0).all()
 
 
+def test_a_flat_place_beside_folds_is_as_uncertain_along_z_as_one_that_slides_over_them() -> None:
+    deep, flat = 0.01, 0.0
+    std_m = fold_std_m(np.array([deep, deep]), np.array([0.5, flat]), np.full((2, 2, 3), 0.02), np.zeros(2), 0.2)
+    np.testing.assert_allclose(std_m[..., 2], 0.5 * std_m[..., 0])
+
+
 def test_cloth_that_fits_worse_than_at_rest_is_less_certain() -> None:
     worse = fold_std_m(np.zeros(1), np.zeros(1), np.zeros((2, 1, 3)), np.array([0.0, 0.003]), 0.2)
     assert worse[0, 0, 0] == 0
