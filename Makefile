@@ -58,9 +58,10 @@ accuracy: $(STAMP) ## Simulate, build and score; rewrites the pages of accuracy 
 	$(BIN)/python benchmarks/accuracy.py
 	$(BIN)/python benchmarks/accuracy_nuisances.py
 	$(BIN)/python benchmarks/accuracy_color.py
+	$(BIN)/python benchmarks/tracks.py
 
 bench: $(STAMP) ## Run the side-by-side measurements
-	@for script in $(filter-out benchmarks/accuracy% benchmarks/ratios.py,$(wildcard benchmarks/*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+	@for script in $(filter-out benchmarks/accuracy% benchmarks/ratios.py benchmarks/tracks.py,$(wildcard benchmarks/*.py)); do echo "== $$script"; $(BIN)/python $$script || exit 1; done
 
 bench-check: $(STAMP) ## Measure a few ratios at small sizes, and compare them with what they are to be
 	$(BIN)/python benchmarks/ratios.py
