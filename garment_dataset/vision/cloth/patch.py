@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import cv2
 import numpy as np
 
-from garment_dataset.vision.cloth.sight import layers
+from garment_dataset.vision.cloth.sight import layers, of_the_cloth
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -160,7 +160,7 @@ def _edges(
             (columns[-1], 1.0, after_px[v, u[middle]]),
         ):
             inset = float(side * (edge - u[column]))
-            if abs(inset) <= 2 * _SAMPLE_PX:
+            if abs(inset) <= 2 * _SAMPLE_PX and of_the_cloth(edge, z_m.shape[1]):
                 pairs.append((number[row, column], number[row, middle]))
                 sides.append(side)
                 insets.append(inset)

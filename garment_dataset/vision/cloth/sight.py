@@ -132,6 +132,12 @@ def layers(good: BoolArray) -> tuple[ColumnImage, ColumnImage]:
     return before.astype(np.int16), after.astype(np.int16)
 
 
+def of_the_cloth(edge_px: FloatArray, width_px: int) -> BoolArray:
+    """Return which columns where a layer ends are edges of the cloth, and not of a crop that is so wide."""
+    within: BoolArray = (edge_px >= _MARGIN_PX) & (edge_px < width_px - _MARGIN_PX)
+    return within
+
+
 def sample(image: NDArray[np.float32], u: FloatArray, v: FloatArray) -> FloatArray:
     """Return an image between its pixels, bilinearly; NaN outside and beside a NaN."""
     height, width = image.shape

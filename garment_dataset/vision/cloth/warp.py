@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from garment_dataset.vision.cloth.lattice import Blend, Lattice, normal_matrix, normal_vector
-from garment_dataset.vision.cloth.sight import sample
+from garment_dataset.vision.cloth.sight import of_the_cloth, sample
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -195,7 +195,7 @@ class Warp:
         u, v = u.clip(0, width - 1), v.clip(0, height - 1)
         first, last = sight.before_px[v, u], sight.after_px[v, u]
         edge = np.where(patch.edge_side < 0, first, last).astype(np.float64)
-        good &= (first <= last) & (edge > 0) & (edge < width - 1)
+        good &= (first <= last) & of_the_cloth(edge, width)
         residual = x_m - (edge + sight.corner_px[0] - patch.edge_side * patch.inset_px - k.cx_px) / k.fx_px * z_m
         residual = np.where(good, residual, 0.0)
         weight = good * _robust(residual, settings.outline_cut_m * tempered) / settings.outline_std_m**2

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from garment_dataset.vision.cloth.lattice import Lattice, normal_matrix, normal_vector
+from garment_dataset.vision.cloth.patch import patch_at_rest
 from garment_dataset.vision.cloth.relief import fold_std_m, relief_m
 from garment_dataset.vision.cloth.sight import Reading, look, sample, trimmed
 from garment_dataset.vision.cloth.solve import second_differences
@@ -107,6 +108,15 @@ def test_a_sheet_that_goes_sideways_beside_the_plane_of_the_gripper() -> None:
     found = tracked([sheet(0.0, 0.5 * swing) for swing in SWING_RAD])
     x_m = GRIPPER_M[0] + START_M[:, 0] + 0.5 * SWING_RAD[:, None] * START_M[:, 1]
     np.testing.assert_allclose(found.position_m[..., 0], x_m, atol=0.003)
+
+
+def test_where_a_sheet_is_cut_off_by_the_crop_is_no_edge_of_it() -> None:
+    still = [look(sheet(0.0, half_m=half_m), K, GRIPPER_M, READING) for half_m in (0.1, 0.4)]
+    narrow, wide = (patch_at_rest([sight] * 3, GRIPPER_M, K, reach_m=0.25) for sight in still)
+    assert narrow is not None
+    assert wide is not None
+    assert set(narrow.edge_side.tolist()) == {-1.0, 1.0}
+    assert wide.edge_side.size == 0
 
 
 def test_time_can_run_backwards(swing: Tracks) -> None:
