@@ -33,9 +33,7 @@ def main() -> None:
     garment("build", *here)
     garment("show", DEPTH, "--frame", 45, "--save", DEMO / "depth.png", *here)
     garment("show", COLOR, "--frame", 45, "--save", DEMO / "colour.png", *here)
-    plot = [sys.executable, "examples/plot_motion.py", str(DEMO / "features"), str(DEMO / "motion.png")]
-    print(f"\n$ python {shlex.join(plot[1:])}", flush=True)
-    subprocess.run(plot, check=True)
+    garment("plot", "axis=R", "--save", DEMO / "motion.png", *here)
     pictures = ", ".join(str(path) for path in sorted(DEMO.glob("*.png")))
     print(
         f"""
