@@ -40,7 +40,7 @@ class Event:
     message: str = ""
     notes: tuple[str, ...] = ()
     is_repeated: bool = False
-    counts: Mapping[str, int] = field(default_factory=dict)
+    counts: Mapping[str, int] = field(default_factory=dict, hash=False)
 
 
 @dataclass
