@@ -127,21 +127,19 @@ def test_a_message_sent_twice_or_with_a_wild_stamp_costs_no_other_its_stamp(
     clean: list[Times], data: st.DataObject
 ) -> None:
     """Its stamp, not itself: before the first of a stream any stamp fits, and then the second of two may be taken."""
-    tagged = [(each, True) for each in clean]
+    times = list(clean)
     for _ in range(data.draw(st.integers(0, 3))):
         position = data.draw(st.integers(0, len(clean) - 1))
         wild_ms = data.draw(st.integers(150, 400_000)) * data.draw(st.sampled_from([-1, 1]))
         stamp_ns = data.draw(st.sampled_from([0, clean[position][0] + wild_ms * MS]))
-        tagged.append(((stamp_ns, clean[position][1] + MS), False))
+        times.append((stamp_ns, clean[position][1] + MS))
     again = data.draw(st.lists(st.tuples(st.sampled_from(clean), st.integers(1, 500)), max_size=5))
-    tagged += [((stamp_ns, record_ns + late_ms * MS), False) for (stamp_ns, record_ns), late_ms in again]
-    tagged.sort(key=lambda each: each[0][1])
-    faults = texts([times for times, _ in tagged])
-    fits = {stamp_ns for (stamp_ns, _), sound in tagged if not sound} - {stamp_ns for stamp_ns, _ in clean}
-    kept = {stamp_ns for number, ((stamp_ns, _), _) in enumerate(tagged) if number not in faults}
-    for number, ((stamp_ns, _), sound) in enumerate(tagged):
-        assert not sound or stamp_ns in kept, faults
-        assert sound or number in faults or stamp_ns in fits
+    times += [(stamp_ns, record_ns + late_ms * MS) for (stamp_ns, record_ns), late_ms in again]
+    times.sort(key=lambda each: each[1])
+    faults = texts(times)
+    used = [stamp_ns for number, (stamp_ns, _) in enumerate(times) if number not in faults]
+    assert {stamp_ns for stamp_ns, _ in clean} <= set(used), faults
+    assert len(set(used)) == len(used), faults
 
 
 @pytest.mark.parametrize("second", [1, 500 * MS])
