@@ -30,7 +30,7 @@ from garment_dataset.files import hint_of, read_text
 from garment_dataset.layout import Layout, nearest_catalog, workspace_above
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Mapping
+    from collections.abc import Iterable, Mapping, Sequence
 
     import pandas as pd
 
@@ -221,6 +221,20 @@ class Catalog:
         rows = tuple(row for row in self.rows if wanted(row))
         for text in idle_globs(terms, self.filter_keys, self.words) if rows and terms else ():
             warnings.warn(text, DataWarning, stacklevel=2)
+        return rows
+
+    def some(self, terms: Sequence[str]) -> tuple[CatalogRow, ...]:
+        """Return the rows that a filter wants; any number of them where there is no filter.
+
+        Raises
+        ------
+        FilterError
+            If it wants none; the hint says why.
+        """
+        rows = self.select(terms)
+        if terms and not rows:
+            hint = self.why_nothing(terms) or "`garment list` shows them all."
+            raise FilterError("no recording matches", found=" ".join(terms), hint=hint)
         return rows
 
     def why_nothing(self, terms: Iterable[str]) -> str | None:

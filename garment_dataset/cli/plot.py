@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -9,15 +10,14 @@ import typer
 
 from garment_dataset.cli.output import FiltersArgument, WorkspaceOption, say
 from garment_dataset.cli.show import refuse_picture
-from garment_dataset.errors import DataWarning, FilterError, StoreError, UsageError
+from garment_dataset.errors import DataWarning, StoreError, UsageError
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from garment_dataset.catalog import CatalogRow
-    from garment_dataset.layout import Layout
     from garment_dataset.view.curves import Panel
-    from garment_dataset.view.over_time import Drawn, Quantity
+    from garment_dataset.view.over_time import Drawn, Quantity, Results
     from garment_dataset.workspace import Workspace
 
 _MOST_ROWS = 8
@@ -44,7 +44,7 @@ def plot(
 ) -> None:
     """Draw displacement and velocity of gripper and points over time."""
     from garment_dataset.view.curves import save_curves
-    from garment_dataset.view.over_time import SINCE_FIRST, SINCE_ONSET, Quantity
+    from garment_dataset.view.over_time import SINCE_FIRST, SINCE_ONSET, Quantity, Results
     from garment_dataset.workspace import Workspace
 
     if save is None:
@@ -61,17 +61,15 @@ def plot(
         raise UsageError(
             f"too many {what} for one picture", expected=f"at most {_MOST_ROWS}", found=len(groups), hint=hint
         )
-    panels, is_since_onset = _panels(place, groups, quantities, variant, repeats=repeats)
+    results = Results([row.recording for row in rows], folder=place.features_dir, variant=variant)
+    panels, is_since_onset = _panels(results, groups, quantities, repeats=repeats)
     save_curves(panels, SINCE_ONSET if is_since_onset else SINCE_FIRST, save)
     say(f"wrote {save}")
 
 
 def _chosen(place: Workspace, filters: Sequence[str], *, is_motion: bool) -> list[CatalogRow]:
     """Return the recordings that a filter wants and that have a bag; of motion, those along the optical axis."""
-    catalog = place.catalog()
-    rows = catalog.select(filters)
-    if not rows:
-        raise FilterError("no recording", found=" ".join(filters), hint=catalog.why_nothing(filters))
+    rows = place.catalog().some(filters)
     there = [row for row in rows if row.path is not None and (row.axis == "R" or not is_motion)]
     if not there:
         expected = "recordings with a bag" + (" and motion along the optical axis (axis=R)" if is_motion else "")
@@ -90,17 +88,16 @@ def _groups(rows: Sequence[CatalogRow]) -> list[tuple[str, list[CatalogRow]]]:
 
 
 def _panels(
-    place: Layout,
+    results: Results,
     groups: Sequence[tuple[str, list[CatalogRow]]],
     quantities: Sequence[Quantity],
-    variant: str,
     *,
     repeats: bool,
 ) -> tuple[list[list[Panel]], bool]:
     """Read what is to be drawn; return it with whether time counts from the onset."""
     from garment_dataset.view.over_time import panel
 
-    found = [[_read(place, rows, quantity, variant) for quantity in quantities] for _, rows in groups]
+    found = [[_read(results, rows, quantity) for quantity in quantities] for _, rows in groups]
     since = {each.is_since_onset for row in found for drawn in row for each in drawn}
     if len(since) > 1 or (repeats and since == {False}):
         raise UsageError(
@@ -115,21 +112,11 @@ def _panels(
     return panels, since == {True}
 
 
-def _read(place: Layout, rows: Sequence[CatalogRow], quantity: Quantity, variant: str) -> list[Drawn]:
+def _read(results: Results, rows: Sequence[CatalogRow], quantity: Quantity) -> list[Drawn]:
     """Read one quantity of some recordings; those of several that have no results are named and left out."""
-    import warnings
-
-    from garment_dataset.view.over_time import read_quantity
-
-    found: list[Drawn] = []
-    missing: list[str] = []
-    for row in rows:
-        try:
-            found.append(read_quantity(quantity, row.recording, folder=place.features_dir, variant=variant))
-        except (StoreError, FilterError):
-            if len(rows) == 1:
-                raise
-            missing.append(row.recording)
+    read = {row.recording: results.read(quantity, row.recording) for row in rows}
+    found = [drawn for drawn in read.values() if drawn is not None]
+    missing = [name for name, drawn in read.items() if drawn is None]
     if not found:
         raise StoreError(f"no results of {quantity.table}", where=missing[0], hint="`garment build` makes them.")
     if missing:

@@ -98,8 +98,7 @@ def server_ahead(jobs: int | None) -> Iterator[None]:
     jobs : int, optional
         How many workers are wanted; by default as many as there are processors. For one, no server is started.
     """
-    if (usable_cpus() if jobs is None else jobs) > 1 and _can_serve():
-        multiprocessing.set_forkserver_preload(list(_PRELOADED))
+    if _context(usable_cpus() if jobs is None else jobs).get_start_method() == "forkserver":
         with _without_program(), _deaf(), one_thread_variables():
             forkserver.ensure_running()
     try:
@@ -110,13 +109,10 @@ def server_ahead(jobs: int | None) -> Iterator[None]:
             _SERVER._stop()  # noqa: SLF001
 
 
-def _can_serve() -> bool:
-    return "forkserver" in multiprocessing.get_all_start_methods()
-
-
 def _context(jobs: int) -> BaseContext:
     """Return how processes are started; for a single one, a server that does not run yet would only come on top."""
-    if not _can_serve() or (jobs < 2 and _SERVER._forkserver_pid is None):  # noqa: SLF001
+    can_serve = "forkserver" in multiprocessing.get_all_start_methods()
+    if not can_serve or (jobs < 2 and _SERVER._forkserver_pid is None):  # noqa: SLF001
         return multiprocessing.get_context("spawn")
     context = multiprocessing.get_context("forkserver")
     context.set_forkserver_preload(list(_PRELOADED))

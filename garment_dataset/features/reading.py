@@ -104,6 +104,11 @@ def table_description(folder: Path, table: str) -> dict[str, Any]:
     return found
 
 
+def declared_uncertainties(described: Mapping[str, Any]) -> dict[str, str | None]:
+    """Return the column of the standard uncertainty by column, of what :func:`table_description` says; None: none."""
+    return {column["name"]: column.get("uncertainty") for column in described.get("columns", ())}
+
+
 def open_features(table: str, *, folder: Path | None = None, variant: str = "") -> ds.Dataset:
     """Return all files of a table as one Arrow dataset, the partition keys, if it has any, as text columns.
 

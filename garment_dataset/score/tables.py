@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from garment_dataset.errors import TableError
+from garment_dataset.features.reading import declared_uncertainties
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Mapping, Sequence
@@ -100,7 +101,7 @@ def column_errors(features: pd.DataFrame, truth: pd.DataFrame, described: Mappin
     if not quantities:
         columns = [name for name in features.columns if _is_quantity(features[name])]
         raise TableError("no quantity to compare", expected=f"one of {columns}", found=list(truth.columns))
-    declared = {column["name"]: column.get("uncertainty") for column in described.get("columns", ())}
+    declared = declared_uncertainties(described)
     rows = _rows_of(features, truth, keys)
     errors = []
     for name in quantities:

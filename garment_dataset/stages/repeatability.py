@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import warnings
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from pydantic import Field
 
@@ -15,47 +15,56 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
     from garment_dataset.arrays import FloatArray
-    from garment_dataset.vision.repeats import Repeat, Summary
+    from garment_dataset.vision.repeats import Repeat, Spread, Summary
 
-_KINDS = {"d": ("m", "displacement from rest"), "v": ("m/s", "velocity")}
 _SIDES = {"x": "right", "y": "down", "z": "forward"}
 
 
-def _over_time(kind: str, axis: str) -> tuple[Column, ...]:
-    unit, what = _KINDS[kind]
-    name, suffix = f"{kind}{axis}", unit.replace("/", "_")
-    between, stated = f"{name}_between_{suffix}", f"{name}_stated_{suffix}"
-    return (
-        Column(f"{name}_mean_{suffix}", "float64", unit, f"mean over the repeats of {what}, {_SIDES[axis]}", True),
-        Column(between, "float64", unit, f"standard deviation of {name} between the repeats", True),
-        Column(
-            stated,
-            "float64",
-            unit,
-            f"most of that which the stated uncertainties of {name} and of the onset explain",
-            True,
-        ),
-    )
+class _Kind(NamedTuple):
+    """A kind of quantity in ``kinematics``: its letter there, its name here, and the letter of its derivative."""
+
+    letter: str
+    name: str
+    unit: str
+    suffix: str
+    what: str
+    derivative: str
 
 
-def _summaries(kind: str) -> tuple[Column, ...]:
-    unit, what = _KINDS[kind]
-    name, suffix = {"d": "displacement", "v": "velocity"}[kind], unit.replace("/", "_")
-    return (
-        Column(
-            f"{name}_rms_{suffix}",
-            "float64",
-            unit,
-            f"standard deviation of {what} between repeats, rms over time",
-            True,
-        ),
-        Column(f"{name}_rms_low_{suffix}", "float64", unit, "lower end of the 95 % interval of that", True),
-        Column(f"{name}_rms_high_{suffix}", "float64", unit, "upper end of the 95 % interval of that", True),
-        Column(f"{name}_max_{suffix}", "float64", unit, "the greatest standard deviation between repeats", True),
-        Column(f"{name}_max_time_s", "float64", "s", "when that is, since the onset", True),
-        Column(f"{name}_stated_rms_{suffix}", "float64", unit, "what the stated uncertainties make of it, rms", True),
-        Column(f"{name}_degrees", "float64", "1", "degrees of freedom of the rms", True),
-    )
+_KINDS = (
+    _Kind("d", "displacement", "m", "m", "displacement from rest", "v{}_m_s"),
+    _Kind("v", "velocity", "m/s", "m_s", "velocity", "a{}_m_s2"),
+)
+
+
+def _over_time(kind: _Kind, axis: str) -> dict[str, Column]:
+    """Return the column for each attribute of a spread."""
+    name = f"{kind.letter}{axis}"
+    mean = f"mean over the repeats of {kind.what}, {_SIDES[axis]}"
+    between = f"standard deviation of {name} between the repeats"
+    stated = f"most of that which the stated uncertainties of {name} and of the onset explain"
+    return {
+        "mean": Column(f"{name}_mean_{kind.suffix}", "float64", kind.unit, mean, True),
+        "std": Column(f"{name}_between_{kind.suffix}", "float64", kind.unit, between, True),
+        "stated": Column(f"{name}_stated_{kind.suffix}", "float64", kind.unit, stated, True),
+    }
+
+
+def _summaries(kind: _Kind) -> dict[str, Column]:
+    """Return the column for each attribute of a summary."""
+    _, name, unit, suffix, what, _ = kind
+    rms = f"standard deviation of {what} between repeats, rms over time"
+    low, high = (f"{end} end of the 95 % interval of that" for end in ("lower", "upper"))
+    largest, stated = "the greatest standard deviation between repeats", "what the stated uncertainties make of it, rms"
+    return {
+        "rms": Column(f"{name}_rms_{suffix}", "float64", unit, rms, True),
+        "rms_low": Column(f"{name}_rms_low_{suffix}", "float64", unit, low, True),
+        "rms_high": Column(f"{name}_rms_high_{suffix}", "float64", unit, high, True),
+        "largest": Column(f"{name}_max_{suffix}", "float64", unit, largest, True),
+        "largest_time_s": Column(f"{name}_max_time_s", "float64", "s", "when that is, since the onset", True),
+        "stated_rms": Column(f"{name}_stated_rms_{suffix}", "float64", unit, stated, True),
+        "degrees": Column(f"{name}_degrees", "float64", "1", "degrees of freedom of the rms", True),
+    }
 
 
 REPEAT_CURVES = TableSpec(
@@ -66,7 +75,7 @@ REPEAT_CURVES = TableSpec(
         Column("point", "int32", "1", "number of the point; 0 is the gripper, 1 next to it"),
         Column("time_s", "float64", "s", "since the gripper began to move, in each repeat"),
         Column("repeats", "int32", "1", "recordings with a displacement then"),
-        *(column for kind in _KINDS for axis in _SIDES for column in _over_time(kind, axis)),
+        *(column for kind in _KINDS for axis in _SIDES for column in _over_time(kind, axis).values()),
     ),
     keys=("point", "time_s"),
 )
@@ -79,7 +88,7 @@ REPEATABILITY = TableSpec(
         Column("point", "int32", "1", "number of the point; 0 is the gripper, 1 next to it"),
         Column("coordinate", "string", "", "x: right, y: down, z: forward"),
         Column("repeats", "int32", "1", "recordings that were compared"),
-        *(column for kind in _KINDS for column in _summaries(kind)),
+        *(column for kind in _KINDS for column in _summaries(kind).values()),
         Column(
             "reason",
             "string",
@@ -154,47 +163,33 @@ def _compare(tables: list[pa.Table], axis: str, times_s: FloatArray, over_time: 
     if len(tables) < 2:
         return {"reason": "one_repeat"}
     found: dict[str, Any] = {}
-    for kind, (unit, _) in _KINDS.items():
-        suffix, name = unit.replace("/", "_"), f"{kind}{axis}"
+    for kind in _KINDS:
         spread, values = spread_of([_repeat(table, kind, axis) for table in tables], times_s)
-        over_time |= {
-            **({"repeats": spread.repeats} if kind == "d" else {}),
-            f"{name}_mean_{suffix}": spread.mean,
-            f"{name}_between_{suffix}": spread.std,
-            f"{name}_stated_{suffix}": spread.stated,
-        }
+        over_time |= _named(spread, _over_time(kind, axis))
+        if kind.letter == "d":
+            over_time["repeats"] = spread.repeats
         summary = summarise(spread, values, times_s)
-        found |= {"reason": "no_common_time"} if summary is None else _summary(summary, kind, suffix)
+        found |= {"reason": "no_common_time"} if summary is None else _named(summary, _summaries(kind))
     return found
 
 
-def _summary(summary: Summary, kind: str, suffix: str) -> dict[str, float]:
-    name = {"d": "displacement", "v": "velocity"}[kind]
-    return {
-        f"{name}_rms_{suffix}": summary.rms,
-        f"{name}_rms_low_{suffix}": summary.rms_low,
-        f"{name}_rms_high_{suffix}": summary.rms_high,
-        f"{name}_max_{suffix}": summary.largest,
-        f"{name}_max_time_s": summary.largest_time_s,
-        f"{name}_stated_rms_{suffix}": summary.stated_rms,
-        f"{name}_degrees": summary.degrees,
-    }
+def _named(found: Spread | Summary, columns: dict[str, Column]) -> dict[str, Any]:
+    """Return what was found by the names of its columns."""
+    return {column.name: getattr(found, attribute) for attribute, column in columns.items()}
 
 
-def _repeat(table: pa.Table, kind: str, axis: str) -> Repeat:
+def _repeat(table: pa.Table, kind: _Kind, axis: str) -> Repeat:
     """Return a coordinate over time; that of the onset is uncertain, which moves it as fast as it changes."""
     import numpy as np
 
     from garment_dataset.vision.repeats import Repeat
 
-    suffix = _KINDS[kind][0].replace("/", "_")
     time_s = _values(table, "time_s")
-    if kind == "v":
+    if kind.letter == "v":
         time_s = time_s + (_values(table, "velocity_stamp_ns") - _values(table, "stamp_ns")) * 1e-9
-    slope = _values(table, {"d": f"v{axis}_m_s", "v": f"a{axis}_m_s2"}[kind])
-    moved = np.nan_to_num(slope) * _values(table, "time_std_s")
-    std = np.hypot(_values(table, f"{kind}{axis}_std_{suffix}"), moved)
-    return Repeat(time_s, _values(table, f"{kind}{axis}_{suffix}"), std)
+    moved = np.nan_to_num(_values(table, kind.derivative.format(axis))) * _values(table, "time_std_s")
+    std = np.hypot(_values(table, f"{kind.letter}{axis}_std_{kind.suffix}"), moved)
+    return Repeat(time_s, _values(table, f"{kind.letter}{axis}_{kind.suffix}"), std)
 
 
 def _values(table: pa.Table, name: str) -> FloatArray:

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import textwrap
 from dataclasses import dataclass
+from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from garment_dataset.errors import StoreError, UsageError, did_you_mean, one_of
-from garment_dataset.features.reading import load_features, table_description, variant_folder
+from garment_dataset.errors import FilterError, StoreError, UsageError, did_you_mean, one_of
+from garment_dataset.features.reading import declared_uncertainties, load_features, table_description, variant_folder
 from garment_dataset.view.curves import Curve, Panel, broken_at_gaps
 
 if TYPE_CHECKING:
@@ -74,36 +75,70 @@ class Drawn:
     is_since_onset: bool
 
 
-def read_quantity(quantity: Quantity, recording: str, *, folder: Path, variant: str = "") -> Drawn:
-    """Read a column of one recording.
+class Results:
+    """What is drawn of some recordings: every table is read once, whatever number of its columns is asked for.
 
     Parameters
     ----------
-    quantity : Quantity
-        Which.
-    recording : str
-        Of which recording.
+    recordings : sequence of str
+        Names.
     folder : Path
         Features.
     variant : str
         Of which variant.
-
-    Raises
-    ------
-    StoreError
-        If nothing was built.
-    UsageError
-        If the table has no such number for each frame, or each point of a frame.
     """
-    rows = load_features(quantity.table, folder=folder, variant=variant, recording=recording)
-    described = table_description(variant_folder(folder, variant), quantity.table)
-    _check(rows, quantity, described.get("keys", ()))
-    if rows.empty:
-        raise StoreError(f"no rows of {quantity.table}", where=recording, hint="`garment build` makes them.")
-    uncertainty = _uncertainty(described, quantity.column)
-    time_s, is_since_onset = _time_s(rows, recording, folder, variant)
-    rows = rows.assign(_time_s=time_s).dropna(subset=["_time_s"]).sort_values("_time_s", kind="stable")
-    return Drawn(_label(rows, quantity.column), list(_curves(rows, quantity, uncertainty)), is_since_onset)
+
+    def __init__(self, recordings: Sequence[str], *, folder: Path, variant: str = "") -> None:
+        self._recordings = list(recordings)
+        self._folder, self._variant = folder, variant
+        self._tables: dict[str, tuple[pd.DataFrame, dict[str, Any]]] = {}
+
+    def read(self, quantity: Quantity, recording: str) -> Drawn | None:
+        """Read a column of one recording; None where it has no rows of that table.
+
+        Raises
+        ------
+        StoreError
+            If nothing was built.
+        FilterError
+            If none of the recordings is there.
+        UsageError
+            If the table has no such number for each frame, or each point of a frame.
+        """
+        table, described = self._table(quantity.table)
+        rows = table[table["recording"] == recording] if "recording" in table else table.iloc[:0]
+        _check(rows, quantity, described.get("keys", ()))
+        if rows.empty:
+            return None
+        time_s, is_since_onset = self._time_s(rows, recording)
+        rows = rows.assign(_time_s=time_s).dropna(subset=["_time_s"]).sort_values("_time_s", kind="stable")
+        std = declared_uncertainties(described).get(quantity.column)
+        return Drawn(_label(rows, quantity.column), list(_curves(rows, quantity, std)), is_since_onset)
+
+    def _table(self, name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
+        if name not in self._tables:
+            rows = load_features(name, folder=self._folder, variant=self._variant, recording=self._recordings)
+            described = table_description(variant_folder(self._folder, self._variant), name)
+            self._tables[name] = rows, described
+        return self._tables[name]
+
+    def _time_s(self, rows: pd.DataFrame, recording: str) -> tuple[Any, bool]:
+        """Return the time of each row since the onset, or, where none is known, since the first frame."""
+        if "time_s" in rows and rows["time_s"].notna().any():
+            return rows["time_s"], True
+        onset_ns = self._onsets_ns.get(recording)
+        start_ns = int(rows["stamp_ns"].min()) if onset_ns is None else onset_ns
+        return (rows["stamp_ns"].astype("int64") - start_ns) * 1e-9, onset_ns is not None
+
+    @cached_property
+    def _onsets_ns(self) -> dict[str, int]:
+        """When the gripper began to move, where that is known."""
+        try:
+            motion, _ = self._table("motion")
+        except (StoreError, FilterError):
+            return {}
+        known = motion.dropna(subset=["onset_stamp_ns"])
+        return {str(name): int(each) for name, each in zip(known["recording"], known["onset_stamp_ns"], strict=True)}
 
 
 def _check(rows: pd.DataFrame, quantity: Quantity, keys: Sequence[str]) -> None:
@@ -130,25 +165,6 @@ def _label(rows: pd.DataFrame, column: str) -> str:
     name = column.removesuffix(f"_{unit.replace('/', '_')}")
     words = textwrap.shorten(rows.attrs["descriptions"].get(column, ""), 56, placeholder=" ...")
     return "\n".join([*textwrap.wrap(words, 30), f"{name} [{unit}]" if unit not in {"", "1"} else name])
-
-
-def _uncertainty(described: dict[str, Any], column: str) -> str | None:
-    found: dict[str, Any] = next((each for each in described.get("columns", ()) if each["name"] == column), {})
-    name: str | None = found.get("uncertainty")
-    return name
-
-
-def _time_s(rows: pd.DataFrame, recording: str, folder: Path, variant: str) -> tuple[Any, bool]:
-    """Return the time of each row since the onset, or, where none is known, since the first frame."""
-    if "time_s" in rows and rows["time_s"].notna().any():
-        return rows["time_s"], True
-    try:
-        onset_ns = load_features("motion", folder=folder, variant=variant, recording=recording)["onset_stamp_ns"]
-    except StoreError:
-        onset_ns = None
-    is_known = onset_ns is not None and len(onset_ns) == 1 and bool(onset_ns.notna().iloc[0])
-    start_ns = int(onset_ns.iloc[0]) if is_known and onset_ns is not None else int(rows["stamp_ns"].min())
-    return (rows["stamp_ns"].astype("int64") - start_ns) * 1e-9, is_known
 
 
 def _curves(rows: pd.DataFrame, quantity: Quantity, uncertainty: str | None) -> Any:  # noqa: ANN401 - an iterator

@@ -147,10 +147,7 @@ class Session:
         self.store.close()
 
     def _select(self, filters: Sequence[str]) -> Selection:
-        rows = self.catalog.select(filters)
-        if filters and not rows:
-            hint = self.catalog.why_nothing(filters) or "`garment list` shows them all."
-            raise FilterError("no recording matches", found=" ".join(filters), hint=hint)
+        rows = self.catalog.some(filters)
         present = tuple(row for row in rows if row.path is not None)
         return Selection(present, tuple(row for row in rows if row.path is None))
 

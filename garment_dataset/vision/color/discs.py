@@ -7,12 +7,14 @@ So a pixel costs some tens of steps, not as many as the disc has pixels.
 from __future__ import annotations
 
 from functools import cache
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import cv2
 import numpy as np
 
 if TYPE_CHECKING:
+    from collections.abc import Callable
+
     from garment_dataset.arrays import ByteMask
 
 
@@ -29,11 +31,7 @@ def dilated_by_disc(mask: ByteMask, side_px: int) -> ByteMask:
     -------
     (H, W) uint8
     """
-    first, *others = _rectangles(side_px)
-    grown = cv2.dilate(mask, first)
-    for rectangle in others:
-        cv2.max(grown, cv2.dilate(mask, rectangle), dst=grown)
-    return np.asarray(grown, np.uint8)
+    return _by_rectangles(cv2.dilate, cv2.max, mask, side_px)
 
 
 def closed_by_disc(mask: ByteMask, side_px: int) -> ByteMask:
@@ -52,11 +50,17 @@ def closed_by_disc(mask: ByteMask, side_px: int) -> ByteMask:
     pad = side_px
     padded = cv2.copyMakeBorder(mask, pad, pad, pad, pad, cv2.BORDER_CONSTANT, value=0)
     grown = dilated_by_disc(np.asarray(padded, np.uint8), side_px)
+    closed = _by_rectangles(cv2.erode, cv2.min, grown, side_px)
+    return np.ascontiguousarray(closed[pad:-pad, pad:-pad])
+
+
+def _by_rectangles(change: Callable[..., Any], join: Callable[..., Any], mask: ByteMask, side_px: int) -> ByteMask:
+    """Dilate or erode by each rectangle, and join what that gives."""
     first, *others = _rectangles(side_px)
-    closed = cv2.erode(grown, first)
+    joined = change(mask, first)
     for rectangle in others:
-        cv2.min(closed, cv2.erode(grown, rectangle), dst=closed)
-    return np.ascontiguousarray(np.asarray(closed, np.uint8)[pad:-pad, pad:-pad])
+        join(joined, change(mask, rectangle), dst=joined)
+    return np.asarray(joined, np.uint8)
 
 
 @cache
