@@ -23,6 +23,8 @@ WIDTH_INCHES = 7.16
 
 _ROW_INCHES, _FRAME_INCHES = 2.1, 0.7
 _BAND_STDS = 2.0
+_SHOWN_WHOLE = 0.9  # share of the bands
+_MARGIN = 0.05
 _BRIGHTEST = 0.85  # of viridis: brighter yellow is lost on paper
 _STYLE: Any = {
     "font.size": 8,
@@ -114,8 +116,10 @@ def _draw(figure: Figure, rows: Sequence[Sequence[Panel]], time_label: str) -> N
     for line, row in zip(axes, rows, strict=True):
         for each, panel in zip(line, row, strict=True):
             labelled |= _draw_panel(each, panel, last)
-    for each in axes[-1]:
+    for column, each in enumerate(axes[-1]):
         each.set_xlabel(time_label)
+        if (limits := value_limits([curve for row in rows for curve in row[column].curves])) is not None:
+            each.set_ylim(*limits)
     if labelled:
         figure.legend(labelled.values(), labelled.keys(), loc="outside lower center", ncols=min(len(labelled), 7))
 
@@ -134,6 +138,30 @@ def _draw_panel(axes: Axes, panel: Panel, last: int) -> dict[str, Any]:
     axes.set_title(panel.title, loc="left")
     axes.set_ylabel(panel.quantity)
     return labelled
+
+
+def value_limits(curves: Sequence[Curve]) -> tuple[float, float] | None:
+    """Return from where to where an axis goes; None where the values leave that open.
+
+    All values are shown, and most bands whole. A few frames that say next to nothing have bands many times as high as
+    all motion: these go beyond the panel, where they would press the curves flat.
+
+    Parameters
+    ----------
+    curves : sequence of Curve
+        That share the axis.
+    """
+    ends = []
+    for curve in curves:
+        known = np.isfinite(curve.value)
+        if known.any():
+            stds = np.zeros(1) if curve.std is None else curve.std[known & np.isfinite(curve.std)]
+            band = _BAND_STDS * float(np.quantile(stds, _SHOWN_WHOLE)) if stds.size else 0.0
+            ends += [float(curve.value[known].min()) - band, float(curve.value[known].max()) + band]
+    if not ends or min(ends) == max(ends):
+        return None
+    margin = _MARGIN * (max(ends) - min(ends))
+    return min(ends) - margin, max(ends) + margin
 
 
 def _style(point: int | None, last: int) -> dict[str, Any]:
