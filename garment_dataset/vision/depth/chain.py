@@ -70,6 +70,8 @@ class Track:
         Standard uncertainty of the distance between the gripper's end point and the cloth at its height.
     lean : (k,) float64
         Slope dz/dx of the sheet out of the plane of the profile.
+    hidden_std_m : float
+        Standard uncertainty of the chain's length because of cloth that is turned along the ray at its end.
     """
 
     chain: Chain
@@ -77,6 +79,7 @@ class Track:
     end_noise_m: float
     top_noise_m: float
     lean: FloatArray
+    hidden_std_m: float = 0.0
 
 
 @dataclass(frozen=True, slots=True, eq=False)

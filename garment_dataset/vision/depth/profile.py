@@ -28,6 +28,9 @@ if TYPE_CHECKING:
 
 _MIN_ROWS = 5
 
+_ABOUT_PX = 5
+"""Columns to each side of the profile whose mean stands for a row: few, as cloth is bent across it."""
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Profile:
@@ -59,6 +62,12 @@ class Profile:
         y, and the length of the way to it and back.
     end_std_m : float
         Standard uncertainty of its end because nothing is seen right below.
+    row_z_m : (n,) float64
+        Mean depth of the few pixels of the node's row about the profile; NaN for nodes that only draw a piece out.
+    above_px : (n,) float64
+        Rows of pixels from the node down to the end.
+    hidden_std_m : float
+        Standard uncertainty of its length because of cloth beyond the end that may be turned along the ray.
     """
 
     y_m: FloatArray
@@ -75,6 +84,9 @@ class Profile:
     window_pixels: IntArray
     islands_m: FloatArray = field(default_factory=lambda: np.empty((2, 0)))
     end_std_m: float = 0.0
+    row_z_m: FloatArray = field(default_factory=lambda: np.empty(0))
+    above_px: FloatArray = field(default_factory=lambda: np.empty(0))
+    hidden_std_m: float = 0.0
 
     def end_m(self, gripper_x_m: float) -> Point:
         """Return where the profile ends, in space."""
@@ -170,11 +182,13 @@ class _Seen:
     """What one image shows before surfaces are fitted.
 
     ``spread_per_m``, (k,), is the sample standard deviation of inverse depth in the pixels of each row of cloth, NaN
-    for fewer than two; ``last_v``, ``last_std_px`` are the row where the garment ends and its standard uncertainty.
+    for fewer than two; ``row_z_m``, (k,), the mean depth of a few about the profile; ``last_v``, ``last_std_px`` are
+    the row where the garment ends and its standard uncertainty.
     """
 
     cloth: Cloth
     spread_per_m: FloatArray
+    row_z_m: FloatArray
     last_v: float
     last_std_px: float
     ends_at_gap: bool
@@ -216,7 +230,8 @@ def _look(
     piece = pieces(rows.middle_m[index], settings.jump_m)
     cloth = cloth_of(rows, index, piece, gripper_m[0], settings.windows_px)
     last_v, last_std_px = hem_row(block, rows, index[-1], settings.jump_m) or (depth_mm.shape[0] - 0.5, 0.0)
-    return _Seen(cloth, _spread(rows)[index], last_v, last_std_px, ends_at_gap, np.stack([island_y_m, way_m]))
+    spread_per_m, row_z_m = _spread(rows)[index], _row_z_m(rows)[index]
+    return _Seen(cloth, spread_per_m, row_z_m, last_v, last_std_px, ends_at_gap, np.stack([island_y_m, way_m]))
 
 
 def _reach_m(rows: ProfileRows, first: int, intrinsics: Intrinsics, gripper_m: Point) -> float:
@@ -257,6 +272,8 @@ def _profile(seen: _Seen, surfaces: Surfaces, intrinsics: Intrinsics) -> Profile
     z_m = window_z_m[0]
     y_m = (at_v - intrinsics.cy_px) / intrinsics.fy_px * z_m
     spread_m = seen.spread_per_m / surfaces.inverse[0] ** 2
+    row_z_m = np.where(np.isfinite(measured_m), seen.row_z_m[source], np.nan)
+    row_z_m[-1] = np.nan
     return Profile(
         y_m,
         z_m,
@@ -272,7 +289,18 @@ def _profile(seen: _Seen, surfaces: Surfaces, intrinsics: Intrinsics) -> Profile
         surfaces.pixels[:, source],
         seen.islands_m,
         seen.last_std_px / intrinsics.fy_px * float(z_m[-1]),
+        row_z_m,
+        at_v[-1] - at_v,
     )
+
+
+def _row_z_m(rows: ProfileRows) -> FloatArray:
+    """Return the mean depth of the pixels of each row about the profile, (n,); NaN where there is none."""
+    middle = (rows.weight.shape[1] - 1) // 2
+    about = slice(max(middle - _ABOUT_PX, 0), middle + _ABOUT_PX + 1)
+    number, inverse = rows.weight[:, about].sum(axis=1), rows.inverse[:, about].sum(axis=1)
+    z_m: FloatArray = np.where(number > 0, number, np.nan) / np.where(number > 0, inverse, 1.0)
+    return z_m
 
 
 def _spread(rows: ProfileRows) -> FloatArray:

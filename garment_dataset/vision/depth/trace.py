@@ -226,6 +226,7 @@ def trace_profiles(
     frames = list(profiles)
     tracked_ns = np.array([stamps_ns[frame] for frame in frames], np.int64)
     ends_m = np.array([grippers_m[frame] for frame in frames])
+    whole = np.array([traces[frame].length_reason is None for frame in frames])
     tracks, points_m = track_profiles(
         list(profiles.values()),
         tracked_ns,
@@ -236,9 +237,9 @@ def trace_profiles(
         point_count=settings.point_count,
         pattern=pattern,
         noise_per_m=known.noise_per_m,
+        hem_seen=whole,
     )
     restless_m = unrest_m(tracked_ns, points_m - ends_m[:, :, None])
-    whole = np.array([traces[frame].length_reason is None for frame in frames])
     limits = {"band_half_width_m": settings.profile.band_half_width_m, "jump_m": settings.profile.jump_m}
     lacking_m = missing_m(tracked_ns, np.array([track.chain.length_m for track in tracks]), whole)
     lines = smooth_material_lines(lines, tracked_ns, frames=settings.smoothing_frames)

@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from garment_dataset.vision.depth.chain import Chain, ChainPoints, Track
+from garment_dataset.vision.depth.curl import follow_curl
 from garment_dataset.vision.depth.dividing import divide_profile, smooth_points
 from garment_dataset.vision.depth.hold import follow_hold
 from garment_dataset.vision.depth.smoothing import NOISE_FRAMES, adaptive_mean, local_fit, seconds_apart, unrest
@@ -24,7 +25,7 @@ from garment_dataset.vision.depth.windows import choose_windows
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from garment_dataset.arrays import FloatArray, IntArray
+    from garment_dataset.arrays import BoolArray, FloatArray, IntArray
     from garment_dataset.vision.depth.cloud import Intrinsics, Point
     from garment_dataset.vision.depth.hold import Hold
     from garment_dataset.vision.depth.pattern import FixedPattern
@@ -52,6 +53,7 @@ def track_profiles(
     point_count: int,
     pattern: FixedPattern,
     noise_per_m: float,
+    hem_seen: BoolArray,
 ) -> tuple[list[Track], FloatArray]:
     """Smooth the profiles of a recording over time and link them.
 
@@ -75,6 +77,8 @@ def track_profiles(
         What the sensor always adds.
     noise_per_m : float
         See :func:`~garment_dataset.vision.depth.windows.choose_windows`.
+    hem_seen : (T,) bool
+        Whether a profile ends with the garment.
 
     Returns
     -------
@@ -85,6 +89,7 @@ def track_profiles(
     order = np.argsort(stamp_ns, kind="stable")
     gripper_m = gripper_m[order]
     profiles = choose_windows([profiles[i] for i in order], gripper_m, pattern, noise_per_m)
+    profiles = follow_curl(profiles, hem_seen[order])
     time_s = seconds_apart(stamp_ns[order])
     hold = follow_hold(profiles, gripper_m, time_s, over_time=bool(frames))
     divided_m = np.stack(
@@ -213,7 +218,7 @@ def _track(profile: Profile, gripper_m: FloatArray, smoothed: _Smoothed, limits:
         support,
     )
     lean = profile.lean[nearest]
-    return Track(chain, noise_m, float(smoothed.end_noise_m), float(smoothed.top_noise_m), lean)
+    return Track(chain, noise_m, float(smoothed.end_noise_m), float(smoothed.top_noise_m), lean, profile.hidden_std_m)
 
 
 def divide_track(
