@@ -121,8 +121,8 @@ def point_std_m(
     averaged over the window, the cloth's bend within the window, and what a bridge may hide. Of the gripper's x: all of
     it on x, and on z by the lean of the sheet.
 
-    Along the cloth, for a point at the share s of the length: the hem is uncertain by its noise, by half a row of
-    pixels, as sensors let edges grow or shrink, and by what it hides if it is rolled, of which the point takes s; the
+    Along the cloth, for a point at the share s of the length: the hem is uncertain by its noise, by a row of pixels, as
+    sensors let what is near grow at its edges, and by what it hides if it is rolled, of which the point takes s; the
     hold by its noise, the fixed error, the gripper, and by how much of the way from the gripper to the cloth is none
     but their errors, uniform from nothing to all, of which it takes 1 - s; the folds as :func:`fold_std_m` says. What
     that does to x, y and z is the mean square of the ways to the places one standard uncertainty up and down the cloth.
@@ -138,7 +138,7 @@ def point_std_m(
     noise_m = sources.noise_factor * track.z_noise_m[nearest]
     ray_m = np.sqrt(noise_m**2 + ray_fixed_m**2 + bent_std_m**2 + bridge_std_m**2)
 
-    row_m = np.hypot(chain.position_m[2, -1] / intrinsics.fy_px / 2, track.hidden_std_m)
+    row_m = np.hypot(chain.position_m[2, -1] / intrinsics.fy_px, track.hidden_std_m)
     held_m = np.hypot(track.top_noise_m, sources.gripper_std_m[1])
     along_fixed_m = np.hypot(share * row_m, (1 - share) * held_m)
     folds_std_m, on_side = fold_std_m(chain, arc_m, flat)

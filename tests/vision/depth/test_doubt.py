@@ -45,9 +45,9 @@ def length_doubt_m(islands_m: list[list[float]], below_m: float = 0.0) -> FloatA
 
 
 def test_the_way_past_the_gripper_is_shared_by_the_rest() -> None:
-    """2 mm of doubt beside the hem's half row of pixels: above the points nothing else is uncertain."""
+    """2 mm of doubt beside the hem's row of pixels: above the points nothing else is uncertain."""
     found_m = divide_track(straight(0.002), TOP_M, K, point_count=5, sources=EXACT).std_m
-    np.testing.assert_allclose(found_m[1], np.hypot((1 - SHARES) * 0.002, SHARES / K.fy_px / 2), rtol=1e-6)
+    np.testing.assert_allclose(found_m[1], np.hypot((1 - SHARES) * 0.002, SHARES / K.fy_px), rtol=1e-6)
 
 
 def test_an_island_moves_points_above_it_down_and_those_below_up() -> None:

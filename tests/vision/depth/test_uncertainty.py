@@ -95,7 +95,7 @@ def test_in_bent_cloth_gentle_slopes_count_too() -> None:
 def test_sliding_over_a_sheet_moves_points_along_it() -> None:
     """Half a row of pixels at the hem lets a point slide by its share of it, down and away by the tilt."""
     z_m: FloatArray = np.linspace(0, 0.3, 241)
-    moved_along_m = SHARES * (TOP_M[2] + z_m[-1]) / K.fy_px / 2
+    moved_along_m = SHARES * (TOP_M[2] + z_m[-1]) / K.fy_px
     found_m = std_m(z_m)
     np.testing.assert_allclose(found_m[1], moved_along_m / np.hypot(1, 0.5))
     np.testing.assert_allclose(found_m[2], moved_along_m * 0.5 / np.hypot(1, 0.5))
@@ -123,7 +123,7 @@ def test_the_grippers_uncertainty_is_all_of_that_of_x() -> None:
 def test_an_error_of_the_grippers_height_moves_points_by_the_rest_of_the_length() -> None:
     """On a sheet that hangs straight down; the row of pixels at the hem comes on top, and both stay as they are."""
     sources = replace(EXACT, gripper_std_m=(0.0, 0.004, 0.0))
-    row_m = TOP_M[2] / K.fy_px / 2
+    row_m = TOP_M[2] / K.fy_px
     found = points(np.zeros(241), sources)
     np.testing.assert_allclose(found.std_m[1], np.hypot(0.004 * (1 - SHARES), row_m * SHARES))
     np.testing.assert_allclose(found.fixed_std_m, found.std_m)
