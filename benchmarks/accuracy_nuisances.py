@@ -188,10 +188,10 @@ errors are within the 95 % intervals. Off z and the displacement dz the error co
 *z, common* have both in.
 
 Formulas and numbers were chosen on the seeds {chosen}. Of the held-out seeds, those of `wide` below 15 were looked at
-before three terms were set (the hold's own uncertainty, half a row at the hem, twice the variance of what is smoothed),
-{untouched} only when all of these were. The profiles of second order were made without any of these recordings. That it is
-a row and no longer half of one was chosen on `wide` of the first four (y 1.32 with half a row); those held out were scored with
-both: 1.70 and, untouched, 2.37 with half a row.
+before three terms were set (the hold's own uncertainty, half a row at the hem, twice the variance of what is
+smoothed), {untouched} only when all of these were. The profiles of second order were made without any of these
+recordings. That it is a row and no longer half of one was chosen on `wide` of the first four (y 1.32 with half a row);
+those held out were scored with both: 1.70 and, untouched, 2.37 with half a row.
 
 Ruler, seed {one}, chosen on:
 
