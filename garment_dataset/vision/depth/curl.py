@@ -35,7 +35,8 @@ _LEAST_SHARE = 0.5
 
 _LEAST_M = 0.0008
 _LEAST_STD = 4.0
-"""Beyond the surfaces, the last row has to be off by so much, and by so many times what rows farther up are."""
+"""Beyond the surfaces, the last row has to be off by so much, by so many times what rows farther up are, and by more
+than frames are apart: what swings to both sides is no roll, but the end of a bundle."""
 
 _UNSEEN_ROWS = 0.5
 """How far above or below the end of the arc through the rows the hem may be."""
@@ -86,9 +87,10 @@ def find_curl(profiles: Sequence[Profile]) -> Curl | None:
     if (np.isfinite(beyond_m).sum(axis=0) < _LEAST_FRAMES).any():
         return None
     pooled_m = np.nanmedian(beyond_m, axis=0)
+    apart_m = 1.4826 * float(np.nanmedian(np.abs(beyond_m[:, 0] - pooled_m[0])))
     pooled_m -= np.mean(pooled_m[_ROLLED_ROWS:])
     usual_m = float(np.std(pooled_m[_ROLLED_ROWS:]))
-    if abs(pooled_m[0]) < max(_LEAST_M, _LEAST_STD * usual_m):
+    if abs(pooled_m[0]) < max(_LEAST_M, _LEAST_STD * usual_m, apart_m):
         return None
     whole_m = np.nanmedian(shape_m, axis=0)[:_FIT_ROWS]
     back = np.sign(pooled_m[0])

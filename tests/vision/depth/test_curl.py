@@ -201,6 +201,14 @@ def test_one_frame_that_is_far_off_does_not_make_a_roll() -> None:
     assert find_curl(profiles) is None
 
 
+def test_an_end_that_swings_to_both_sides_is_no_roll() -> None:
+    """The median is as far off as that of a roll; frames are farther apart."""
+    sizes = np.linspace(-2.0, 3.0, ALL_SEEN.size)
+    profiles = [rolled(profile_of(), size * ROLL_M) for size in sizes]
+    assert find_curl(profiles) is None
+    assert find_curl([rolled(profile_of(), float(np.median(sizes)) * ROLL_M)] * sizes.size) is not None
+
+
 def test_what_a_roll_hides_is_in_the_uncertainty_along_the_cloth() -> None:
     """A hem rolled by half a turn has its last arc turned along the ray: the farther down a point, the more of it."""
     straight, turned = traces_of(curve_m(0.01, 0.0)), traces_of(curve_m(0.01, np.pi))
