@@ -35,8 +35,11 @@ _LEAST_SHARE = 0.5
 
 _LEAST_M = 0.0008
 _LEAST_STD = 4.0
-"""Beyond the surfaces, the last row has to be off by so much, by so many times what rows farther up are, and by more
-than frames are apart: what swings to both sides is no roll, but the end of a bundle."""
+"""Beyond the surfaces, the last row has to be off by so much, and by so many times what rows farther up are."""
+
+_MEAN_FRAMES = 9
+_LEAST_STEADINESS = 2.0
+"""Times the standard deviation of means of so many frames, with little noise: what swings is the end of a bundle."""
 
 _UNSEEN_ROWS = 0.5
 """How far above or below the end of the arc through the rows the hem may be."""
@@ -87,10 +90,12 @@ def find_curl(profiles: Sequence[Profile]) -> Curl | None:
     if (np.isfinite(beyond_m).sum(axis=0) < _LEAST_FRAMES).any():
         return None
     pooled_m = np.nanmedian(beyond_m, axis=0)
-    apart_m = 1.4826 * float(np.nanmedian(np.abs(beyond_m[:, 0] - pooled_m[0])))
     pooled_m -= np.mean(pooled_m[_ROLLED_ROWS:])
     usual_m = float(np.std(pooled_m[_ROLLED_ROWS:]))
-    if abs(pooled_m[0]) < max(_LEAST_M, _LEAST_STD * usual_m, apart_m):
+    if abs(pooled_m[0]) < max(_LEAST_M, _LEAST_STD * usual_m):
+        return None
+    mostly = len(shown) >= _LEAST_SHARE * len(profiles)
+    if mostly and abs(np.nanmedian(beyond_m[:, 0])) < _LEAST_STEADINESS * _swing_m(beyond_m[:, 0]):
         return None
     whole_m = np.nanmedian(shape_m, axis=0)[:_FIT_ROWS]
     back = np.sign(pooled_m[0])
@@ -99,7 +104,7 @@ def find_curl(profiles: Sequence[Profile]) -> Curl | None:
     above_px = np.append(0.0, np.arange(_ROLLED_ROWS) + 0.5)
     found = Curl(np.append(end_m, pooled_m[:_ROLLED_ROWS]), above_px, hidden_m / np.sqrt(12))
     # Rolled so far that it comes out again, as a piece of its own: it is known to be there, but not how long it is
-    return found if len(shown) >= _LEAST_SHARE * len(profiles) else found.only_stated()
+    return found if mostly else found.only_stated()
 
 
 def follow_curl(profiles: Sequence[Profile], hem_seen: BoolArray) -> list[Profile]:
@@ -145,6 +150,13 @@ def _last_rows_m(profile: Profile) -> tuple[FloatArray, FloatArray, float, float
     y_m = profile.y_m[own]
     height_m = (y_m[-1] - y_m[0]) / max(above_px[0] - above_px[-1], 1.0)
     return beyond_m, shape_m, float(height_m), float(profile.y_m[-1] / profile.z_m[-1])
+
+
+def _swing_m(end_m: FloatArray) -> float:
+    """Return the standard deviation, robust, of means of consecutive frames, which may be NaN; at least one is not."""
+    parts = np.array_split(end_m, max(end_m.size // _MEAN_FRAMES, 1))
+    means_m = np.array([np.nanmean(part) for part in parts if np.isfinite(part).any()])
+    return 1.4826 * float(np.median(np.abs(means_m - np.median(means_m))))
 
 
 def _roll(away_m: FloatArray, row_m: float, shear: float) -> tuple[float, float]:
