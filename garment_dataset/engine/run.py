@@ -7,6 +7,7 @@ import uuid
 from concurrent.futures.process import BrokenProcessPool
 from typing import TYPE_CHECKING, Any
 
+from garment_dataset.engine.ahead import ReadAhead
 from garment_dataset.engine.errands import Errand, Errands
 from garment_dataset.engine.errors import StorageError
 from garment_dataset.engine.events import Ending, Event, Report
@@ -88,6 +89,8 @@ class Run:
         self.report = Report()
         self._take_fresh()
         self._schedule = Schedule(graph, self._done)
+        to_read = (path for node in graph if node.id not in self._done for path in node.sources.values())
+        self._ahead = ReadAhead(to_read, options.ahead)
 
     def finish(self) -> Report:
         """Make everything that is not fresh, and say what became of every node.
@@ -116,6 +119,7 @@ class Run:
             self._errands.kill()
             raise
         finally:
+            self._ahead.close()
             with contextlib.suppress(StorageError):
                 self._store.clear_scratch()
 
@@ -191,6 +195,8 @@ class Run:
             return
         try:
             self._begin(node.id)
+            for path in node.sources.values():
+                self._ahead.came_to(path)
             self._errands.hand_over(Errand(node, work), function)
         except BrokenProcessPool:
             # a worker has died since the last look, before this node had any part in it

@@ -203,7 +203,14 @@ class Session:
                 code_cache=self._code_cache,
                 store=self.store,
                 pool=pool,
-                options=Options(slots, retry_failed, forced, frozenset(self.orphans())),
+                options=Options(
+                    slots,
+                    retry_failed,
+                    forced,
+                    frozenset(self.orphans()),
+                    # the workers of a cluster have memories of their own
+                    ahead=slots if scheduler is None else 0,
+                ),
                 emit=emit,
                 begin=begin,
             ).finish()
