@@ -200,7 +200,7 @@ def test_keys_are_those_that_lie_beside_the_files(built: Path) -> None:
         path = built / "recordings" / f"{name}.truth" / "lengths.parquet"
         truth_table().assign(reason="not that of the features").to_parquet(path)
     assert rms_of(built) == {"one": None, "two": None, "all": None}, "the text is taken for a key"
-    (built / "features" / "lengths" / "_schema.json").write_text(json.dumps(DESCRIBED))
+    (built / "features" / "schemas.json").write_text(json.dumps({"lengths": DESCRIBED}))
     assert rms_of(built) == {
         name: pytest.approx(value)
         for name, value in zip(("one", "two", "all"), (0.001, 0.002, np.sqrt(2.5e-6)), strict=True)

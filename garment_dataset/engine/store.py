@@ -18,6 +18,7 @@ from garment_dataset.engine.index import Index, IndexDamagedError
 from garment_dataset.engine.loaded import file_state
 from garment_dataset.engine.objects import Objects, file_digest, place
 from garment_dataset.engine.results import Result, StoredFile
+from garment_dataset.engine.table import SCHEMAS
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator
@@ -241,11 +242,11 @@ def _clear(folder: Path) -> None:
 
 
 def remove_empty(folder: Path, root: Path) -> None:
-    """Remove a folder, and those above it, as far as nothing is in them but a table's description."""
+    """Remove a folder, and those above it, as far as nothing is in them but what describes tables."""
     while folder != root and folder.is_relative_to(root):
         with contextlib.suppress(OSError):
-            if [path.name for path in folder.iterdir()] == ["_schema.json"]:
-                (folder / "_schema.json").unlink()
+            if [path.name for path in folder.iterdir()] == [SCHEMAS]:
+                (folder / SCHEMAS).unlink()
         try:
             folder.rmdir()
         except OSError:

@@ -6,6 +6,7 @@ when a table is written or read.
 
 from __future__ import annotations
 
+import json
 import re
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -14,8 +15,12 @@ from garment_dataset.engine.errors import TableError
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
+    from pathlib import Path
 
     import pyarrow as pa
+
+SCHEMAS = "schemas.json"
+"""File above the folders of all tables that says what their columns are: in one of them it would be taken for data."""
 
 _LIST_TYPE = re.compile(r"list<(?P<item>\w+)>")
 
@@ -217,3 +222,20 @@ class TableSpec:
             "keys": list(self.keys),
             "columns": [column.describe() for column in (*identity, *self.columns)],
         }
+
+
+def read_schemas(folder: Path) -> dict[str, Any]:
+    """Return what :data:`SCHEMAS` in a folder says, by table; nothing where there is none.
+
+    Raises
+    ------
+    OSError, ValueError
+        If it cannot be read.
+    """
+    path = folder / SCHEMAS
+    if not path.is_file():
+        return {}
+    found = json.loads(path.read_text("utf-8"))
+    if not isinstance(found, dict) or not all(isinstance(each, dict) for each in found.values()):
+        raise ValueError("no description by table")
+    return found

@@ -98,9 +98,20 @@ def read_result(path: Path) -> pd.DataFrame:
 
 
 def table_description(folder: Path, table: str) -> dict[str, Any]:
-    """Return what was written about a table beside its files; nothing where another program made them."""
-    path = folder / table / "_schema.json"
-    found: dict[str, Any] = json.loads(path.read_text("utf-8")) if path.is_file() else {}
+    """Return what was written about a table above its files; nothing where another program made them.
+
+    Raises
+    ------
+    StoreError
+        If it cannot be read.
+    """
+    from garment_dataset.engine.table import SCHEMAS, read_schemas
+
+    try:
+        found: dict[str, Any] = read_schemas(folder).get(table, {})
+    except (OSError, ValueError) as error:
+        hint = "`garment build` writes it anew."
+        raise StoreError("schemas cannot be read", where=folder / SCHEMAS, found=error, hint=hint) from error
     return found
 
 

@@ -85,7 +85,7 @@ def column_errors(features: pd.DataFrame, truth: pd.DataFrame, described: Mappin
     features, truth : pandas.DataFrame
         Rows of one recording.
     described : mapping
-        What ``_schema.json`` says of the table: its keys, and which columns are uncertainties. It may be empty.
+        What ``schemas.json`` says of the table: its keys, and which columns are uncertainties. It may be empty.
 
     Raises
     ------

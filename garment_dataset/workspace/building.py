@@ -5,10 +5,11 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from garment_dataset import interrupts
 from garment_dataset.engine.locking import write_lock
+from garment_dataset.engine.table import SCHEMAS, read_schemas
 from garment_dataset.errors import LockedError, StorageError
 from garment_dataset.layout import ORPHANS
 from garment_dataset.workspace.log import BuildLog
@@ -118,20 +119,32 @@ def tidy(session: Session) -> None:
 
 
 def describe_tables(session: Session) -> None:
-    """Write each table's schema beside its files, for readers that drop Arrow's metadata.
+    """Write the schemas of all tables that have files above their folders, for readers that drop Arrow's metadata.
+
+    A table that no pipeline makes any more keeps the description it had, as long as its files are there.
 
     Raises
     ------
     StorageError
         If that cannot be written.
     """
-    for pipeline in session.pipelines:
-        for stage in pipeline.stages:
-            for output in stage.outputs:
-                folder = session.store.folder(pipeline.file.variant) / output.name
-                if folder.is_dir():
-                    described = output.describe(stage.identity, stage.partitions)
-                    _write_if_changed(folder / "_schema.json", json.dumps(described, indent=2) + "\n")
+    for variant in dict.fromkeys(pipeline.file.variant for pipeline in session.pipelines):
+        folder = session.store.folder(variant)
+        stages = [stage for each in session.pipelines if each.file.variant == variant for stage in each.stages]
+        described: dict[str, Any] = {}
+        with contextlib.suppress(OSError, ValueError):
+            described |= read_schemas(folder)
+        described |= {
+            output.name: output.describe(stage.identity, stage.partitions)
+            for stage in stages
+            for output in stage.outputs
+        }
+        there = {name: text for name, text in sorted(described.items()) if (folder / name).is_dir()}
+        if there:
+            _write_if_changed(folder / SCHEMAS, json.dumps(there, indent=2) + "\n")
+        for name in there:  # where they used to lie
+            with contextlib.suppress(OSError):
+                (folder / name / "_schema.json").unlink(missing_ok=True)
 
 
 def note_orphans(session: Session) -> dict[Path, str]:

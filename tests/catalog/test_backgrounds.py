@@ -82,7 +82,7 @@ def test_every_reader_reads_the_background_back(color_workspace: Workspace) -> N
     both = load_features("background", folder=color_workspace.features_dir)
     assert both.groupby("recording").size().to_dict() == {"camera_default_0": 120, OTHER: 120}
     assert "garment" not in both.columns
-    schema = json.loads((path.parent / "_schema.json").read_text())
+    schema = json.loads((color_workspace.features_dir / "schemas.json").read_text())["background"]
     assert schema["partitions"] == []
 
 

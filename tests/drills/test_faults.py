@@ -179,12 +179,12 @@ def lose_objects(sandbox: Sandbox) -> None:
 
 
 def lose_descriptions(sandbox: Sandbox) -> None:
-    for path in sandbox.features_dir.rglob("_schema.json"):
+    for path in sandbox.features_dir.rglob("schemas.json"):
         path.unlink()
 
 
 def damage_descriptions(sandbox: Sandbox) -> None:
-    for path in sandbox.features_dir.rglob("_schema.json"):
+    for path in sandbox.features_dir.rglob("schemas.json"):
         path.write_bytes(b"\xff{")
 
 

@@ -15,7 +15,7 @@ import pytest
 
 from garment_dataset import load_features, open_features
 from garment_dataset.errors import FilterError, StoreError
-from garment_dataset.features.reading import result_params
+from garment_dataset.features.reading import result_params, table_description
 from garment_dataset.workspace import Workspace
 from tests.conftest import RECORDINGS
 
@@ -59,10 +59,43 @@ def test_four_readers_find_the_same_rows(features: Path, table: str) -> None:
     assert set(frame["recording"]) == set(RECORDINGS)
 
 
+def test_nothing_but_data_is_in_the_folder_of_a_table(features: Path) -> None:
+    for table in TABLES:
+        files = [path for path in (features / table).rglob("*") if path.is_file()]
+        assert {path.suffix for path in files} == {".parquet"}
+        assert len(pl.scan_parquet(features / table).collect()) == len(by_arrow(features / table))
+
+
+def test_what_describes_tables_follows_them(features: Path) -> None:
+    """Of an older layout nothing is left; what no pipeline makes is described as long as its files are there."""
+    workspace = Workspace.at(features.parent)
+    path = features / "schemas.json"
+    before = path.read_text()
+    (features / "points" / "_schema.json").write_text("{}")
+    (features / "foreign").mkdir()
+    described = json.loads(before) | {"foreign": {"table": "foreign"}, "gone": {"table": "gone"}}
+    path.write_text(json.dumps(described))
+    workspace.build(jobs=0)
+    assert json.loads(path.read_text()) == json.loads(before) | {"foreign": {"table": "foreign"}}
+    assert not (features / "points" / "_schema.json").exists()
+    (features / "foreign").rmdir()
+    workspace.build(jobs=0)
+    assert path.read_text() == before
+
+
+@pytest.mark.parametrize("text", ["{", "[]", '{"points": 1}', "\udcff"])
+def test_a_damaged_description_is_one_line(tmp_path: Path, text: str) -> None:
+    (tmp_path / "schemas.json").write_bytes(text.encode("utf-8", "surrogateescape"))
+    with pytest.raises(
+        StoreError, match=r"schemas.json: schemas cannot be read: found [^\n]*\. `garment build` writes it anew\.$"
+    ):
+        table_description(tmp_path, "points")
+
+
 @pytest.mark.parametrize("table", TABLES)
 def test_types_are_the_same_for_every_reader(features: Path, table: str) -> None:
     declared = {
-        column["name"]: column for column in json.loads((features / table / "_schema.json").read_text())["columns"]
+        column["name"]: column for column in json.loads((features / "schemas.json").read_text())[table]["columns"]
     }
     pattern = str(features / table / "**" / "*.parquet")
     polars = pl.read_parquet(pattern, hive_partitioning=True).to_arrow().schema

@@ -43,6 +43,7 @@ def duck(query: str) -> pd.DataFrame:
 # as README writes them
 READERS: dict[str, Callable[[Path], pd.DataFrame]] = {
     "pandas": lambda folder: pd.read_parquet(folder / "kinematics"),
+    "polars by folder": lambda folder: pl.scan_parquet(folder / "kinematics").collect().to_pandas(),
     "polars": lambda folder: pl.read_parquet(f"{folder}/kinematics/**/*.parquet", hive_partitioning=True).to_pandas(),
     "duckdb": lambda folder: duck(f"FROM read_parquet('{folder}/kinematics/**/*.parquet', hive_partitioning = true)"),
     "duckdb without partitions": lambda folder: duck(
@@ -105,7 +106,7 @@ def test_every_table_of_a_variant_is_described(varied: Workspace, variant: str) 
     assert {"frames", "points", "kinematics"} < set(tables)
     assert tables == tables_in(varied.features_dir), "all have the same stages, and a variant is no table"
     for table in tables:
-        described = json.loads((folder / table / "_schema.json").read_text("utf-8"))
+        described = json.loads((folder / "schemas.json").read_text("utf-8"))[table]
         assert described["table"] == table
 
 
@@ -149,7 +150,7 @@ def test_an_unknown_table_is_refused_with_those_there_are(varied: Workspace, var
 
 def test_a_folder_without_results_is_no_table(tmp_path: Path) -> None:
     (tmp_path / "points").mkdir()
-    (tmp_path / "points" / "_schema.json").write_text("{}")
+    (tmp_path / "points" / "notes.txt").write_text("{}")
     assert tables_in(tmp_path) == []
     with pytest.raises(StoreError, match="expected some results"):
         load_features("points", folder=tmp_path)

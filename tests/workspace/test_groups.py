@@ -78,7 +78,7 @@ def test_repeats_are_taken_together(workspace: Workspace, jobs: int) -> None:
     assert (towels["garment"], towels["holding"]) == ("GreenTowel", "Ruler")
     path = found.features_dir / "counts" / "garment=GreenTowel" / "holding=Ruler" / f"{TOWELS}.parquet"
     assert path.is_file()
-    described = json.loads((found.features_dir / "counts" / "_schema.json").read_text())
+    described = json.loads((found.features_dir / "schemas.json").read_text())["counts"]
     assert [column["name"] for column in described["columns"]][:4] == ["group", "axis", "speed", "swing_rad"]
 
 

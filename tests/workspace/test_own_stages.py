@@ -36,7 +36,7 @@ def check_shown(workspace: Workspace) -> None:
     assert table["length_m"].dropna().between(0.4, 0.6).all()
     assert table["length_m"].notna().any()
     assert table.attrs["units"]["length_m"] == "m"
-    assert (workspace.features_dir / "own_lengths" / "_schema.json").is_file()
+    assert "own_lengths" in json.loads((workspace.features_dir / "schemas.json").read_text())
     assert "points -> [own_lengths] -> own_lengths" in run(workspace, "dag")
     assert "depth_points -- points --> own_lengths" in run(workspace, "dag", "--form", "mermaid")
     assert f"own_lengths:{RECORDINGS[0]}: fresh" in run(workspace, "why", RECORDINGS[0])
@@ -77,7 +77,7 @@ def test_an_edit_counts_in_a_process_that_goes_on(with_lengths: Workspace) -> No
     assert stale(with_lengths) == {"own_lengths": {"parameter factor: 1.0 -> 2.0"}}
     edit(stage, '"its length"', '"another length"')
     with_lengths.build(jobs=0)
-    assert "another length" in (with_lengths.features_dir / "own_lengths" / "_schema.json").read_text()
+    assert "another length" in (with_lengths.features_dir / "schemas.json").read_text()
     assert not (with_lengths.stages_dir / "__pycache__").exists()
 
 
