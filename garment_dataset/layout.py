@@ -9,6 +9,7 @@ from __future__ import annotations
 import os
 import shutil
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -66,6 +67,42 @@ class NamesSettings(BaseModel):
     speed: NonNegativeFloat | None = None
 
 
+class SnapshotSettings(BaseModel):
+    """The table ``[snapshot]`` of garment.toml: what only a person can say of a data set that is handed on.
+
+    Parameters
+    ----------
+    title, description : str
+        A line, and a paragraph.
+    version : str
+        A number of one's own, such as 1.2.0.
+    license : str
+        SPDX identifier or address.
+    url : str
+        Where it can be had.
+    creators : tuple of str
+        Names.
+    citation : str
+        How to cite it.
+    published : date, optional
+        When.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True)
+
+    title: str = "Features of moving garments"
+    description: str = ""
+    version: str = ""
+    license: str = ""
+    url: str = ""
+    creators: tuple[str, ...] = ()
+    citation: str = ""
+    published: date | None = None
+
+
+_NOTHING_SAID = SnapshotSettings()
+
+
 class _Settings(BaseModel):
     """All of garment.toml."""
 
@@ -74,6 +111,7 @@ class _Settings(BaseModel):
     paths: _Paths = _Paths()
     stages: _Stages = _Stages()
     names: NamesSettings | None = None
+    snapshot: SnapshotSettings = SnapshotSettings()
 
 
 @dataclass(frozen=True)
@@ -98,6 +136,8 @@ class Layout:
         Which modules of ``stages_dir`` hold a stage.
     names : NamesSettings or None
         How bags are named, if otherwise than in the thesis.
+    snapshot : SnapshotSettings
+        What is said of the data set where it is handed on.
     """
 
     root: Path
@@ -109,6 +149,7 @@ class Layout:
     private_dir: Path
     stage_modules: tuple[str, ...] = ()
     names: NamesSettings | None = None
+    snapshot: SnapshotSettings = _NOTHING_SAID
 
     @classmethod
     def find(cls, path: Path | None = None) -> Self:
@@ -158,6 +199,7 @@ class Layout:
             private_dir=root / paths.private,
             stage_modules=settings.stages.modules,
             names=settings.names,
+            snapshot=settings.snapshot,
         )
 
     @classmethod

@@ -1,0 +1,167 @@
+"""The one place that writes a snapshot: whole, beside what it replaces, or not at all."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import shutil
+from importlib.metadata import version as version_of
+from typing import TYPE_CHECKING, Any
+
+from garment_dataset.engine.artifacts import read_provenance
+from garment_dataset.engine.canonical import digest
+from garment_dataset.errors import StorageError, StoreError
+from garment_dataset.snapshot.card import card, paragraph
+from garment_dataset.snapshot.croissant import croissant
+from garment_dataset.snapshot.datapackage import datapackage
+from garment_dataset.snapshot.portable import write_portable
+from garment_dataset.snapshot.sums import SUMS, compare, sums_of, sums_text
+from garment_dataset.snapshot.tally import Tally
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from garment_dataset.snapshot.contents import Contents
+
+FORMAT = 1
+"""Raised when the layout of a snapshot changes."""
+
+MANIFEST = "snapshot.json"
+_LIBRARIES = ("garment-dataset", "pyarrow")
+_NOT_TOLD = frozenset({"state", "path", "in_tables"})
+"""What the catalog says of this machine's folder of recordings."""
+
+
+def write_snapshot(contents: Contents, folder: Path) -> None:
+    """Write a snapshot; one that lies there is replaced when the new one is complete.
+
+    Raises
+    ------
+    StoreError
+        If something else is in the folder, or files of the old snapshot were edited: nothing is lost.
+    StorageError
+        If it cannot be written.
+    """
+    refuse_foreign(folder)
+    new, old = (folder.with_name(f".{folder.name}.{word}.{os.getpid()}") for word in ("new", "old"))
+    try:
+        new.mkdir(parents=True)
+        _fill(contents, new)
+        if folder.is_dir():
+            folder.rename(old)
+        new.rename(folder)
+    except OSError as error:
+        if old.is_dir() and not folder.exists():
+            old.rename(folder)
+        raise StorageError("cannot be written", where=folder, found=error.strerror or error) from error
+    finally:
+        shutil.rmtree(new, ignore_errors=True)
+        if folder.exists():
+            shutil.rmtree(old, ignore_errors=True)
+
+
+def refuse_foreign(folder: Path) -> None:
+    """Refuse to replace what is no snapshot, or one that somebody has changed.
+
+    Raises
+    ------
+    StoreError
+        If it is so.
+    """
+    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
+        return
+    hint = "Choose another folder, or move it away."
+    if not folder.is_dir() or not (folder / MANIFEST).is_file():
+        raise StoreError("in the way of a snapshot", where=folder, hint=hint)
+    if found := compare(folder):
+        names = [*found.changed, *found.missing, *found.added]
+        raise StoreError(
+            "a snapshot that was changed is not replaced", where=folder, found=", ".join(names[:5]), hint=hint
+        )
+
+
+def read_manifest(folder: Path) -> dict[str, Any]:
+    """Return what a snapshot says of itself.
+
+    Raises
+    ------
+    StoreError
+        If it is none, or of a newer version of this package.
+    """
+    path = folder / MANIFEST
+    try:
+        manifest: dict[str, Any] = json.loads(path.read_text("utf-8"))
+        found = int(manifest["format"])
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise StoreError("not a snapshot", where=folder, expected=f"a file {MANIFEST}", found=error) from error
+    if found > FORMAT:
+        hint = "A newer garment-dataset wrote it: update this one. Its Parquet files can be read as they are."
+        raise StoreError(
+            "a snapshot of another format", where=folder, expected=f"at most {FORMAT}", found=found, hint=hint
+        )
+    return manifest
+
+
+def _fill(contents: Contents, folder: Path) -> None:
+    tally = Tally(contents.schemas)
+    for piece in contents.pieces:
+        path = folder / piece.name
+        path.parent.mkdir(exist_ok=True)
+        tally.add(piece, write_portable(piece, path), read_provenance(path))
+    (folder / "catalog").mkdir()
+    (folder / "catalog" / "recordings.csv").write_text(_catalog_text(contents), "utf-8")
+    for path in contents.catalog_files:
+        shutil.copyfile(path, folder / "catalog" / path.name)
+    _write_json(folder / "schemas.json", dict(contents.schemas))
+    data = sums_of(folder)
+    content = digest("snapshot/1", data)
+    version = contents.settings.version or f"0.0.0+{content[:12]}"
+    said = paragraph(contents, tally)
+    _write_json(
+        folder / "croissant.json", croissant(contents.schemas, contents.settings, version=version, description=said)
+    )
+    package = datapackage(tally.files, contents.schemas, contents.settings, version=version, description=said)
+    _write_json(folder / "datapackage.json", package)
+    made_with = {name: version_of(name) for name in _LIBRARIES}
+    (folder / "README.md").write_text(card(contents, tally, version=version, made_with=made_with), "utf-8")
+    _write_json(folder / MANIFEST, _manifest(contents, tally, version, content, made_with))
+    (folder / SUMS).write_text(sums_text(sums_of(folder)), "utf-8")
+
+
+def _manifest(
+    contents: Contents, tally: Tally, version: str, content: str, made_with: dict[str, str]
+) -> dict[str, Any]:
+    return {
+        "format": FORMAT,
+        "title": contents.settings.title,
+        "version": version,
+        "content": content,
+        "made_with": made_with,
+        "variant": contents.variant,
+        "tables": {
+            table: {"version": contents.schemas[table]["version"], "rows": tally.rows[table], "files": len(files)}
+            for table, files in tally.files.items()
+        },
+        "recordings": contents.recordings,
+        "left_out": dict(contents.left_out),
+        "files": dict(sorted(tally.made.items())),
+    }
+
+
+def _catalog_text(contents: Contents) -> str:
+    chosen = set(contents.recordings)
+    records = [row.record() for row in contents.rows if row.recording in chosen]
+    columns = [name for name in (records[0] if records else {}) if name not in _NOT_TOLD]
+    written = io.StringIO()
+    writer = csv.writer(written, lineterminator="\n")
+    writer.writerow(columns)
+    writer.writerows(
+        [record[name] for name in columns] for record in sorted(records, key=lambda each: str(each["recording"]))
+    )
+    return written.getvalue()
+
+
+def _write_json(path: Path, value: dict[str, Any]) -> None:
+    path.write_text(json.dumps(value, indent=1, ensure_ascii=False) + "\n", "utf-8")
