@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from garment_dataset.cli.output import WorkspaceOption, say
-from garment_dataset.cli.view import refuse_file
+from garment_dataset.cli.writing import refuse_file
 
 app = typer.Typer(help="Write recordings for other programs.", no_args_is_help=True, rich_markup_mode=None)
 

@@ -10,6 +10,7 @@ from typing import Annotated
 import typer
 
 from garment_dataset.cli.output import WorkspaceOption, say
+from garment_dataset.cli.writing import refuse_file
 from garment_dataset.errors import UsageError
 
 
@@ -40,22 +41,6 @@ def view(
     else:
         save_rrd(content, save)
         say(f"wrote {save} ({save.stat().st_size / 1e6:.1f} MB); look at it with: rerun {save}")
-
-
-def refuse_file(path: Path, suffix: str) -> None:
-    """Refuse a file that is of another kind, or whose folder is not there, before anything is read.
-
-    Raises
-    ------
-    UsageError
-        If it is.
-    """
-    if path.suffix != suffix:
-        raise UsageError("not the kind of file", where=path, expected=suffix, found=repr(path.suffix))
-    if not path.parent.is_dir():
-        raise UsageError("no folder for a file", where=path, expected="one that is there", found=path.parent)
-    if path.is_dir():
-        raise UsageError("a folder", where=path, expected=f"the name of a {suffix} file")
 
 
 def _refuse_no_screen() -> None:
