@@ -37,7 +37,7 @@ $(LOWEST)/.installed: pyproject.toml
 	$(PYTHON) -m venv --clear $(LOWEST)-uv
 	$(LOWEST)-uv/bin/python -m pip install --quiet uv
 	$(PYTHON) -m venv --clear $(LOWEST)
-	$(LOWEST)-uv/bin/uv pip install --quiet --python $(LOWEST)/bin/python --resolution lowest-direct --editable '.[dev]'
+	$(LOWEST)-uv/bin/uv pip install --quiet --python $(LOWEST)/bin/python --resolution lowest-direct --editable '.[bench,dask,mcap,simulate,test,view]'
 	@touch $@
 
 # PYENV_VERSION chooses among the versions of pyenv, where that is what makes pythonX.Y

@@ -1,8 +1,10 @@
-"""Files that a person writes: read whatever they are, and what is wrong with what they say."""
+"""Files that a person writes: read whatever they are, and what is wrong with what they say; and files written whole."""
 
 from __future__ import annotations
 
 import codecs
+import contextlib
+import os
 import re
 import reprlib
 import stat
@@ -14,6 +16,7 @@ from pydantic import BaseModel
 from garment_dataset.errors import did_you_mean, one_of
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
     from pathlib import Path
 
     from pydantic import ValidationError
@@ -102,6 +105,31 @@ def read_toml(path: Path) -> dict[str, Any]:
         return tomllib.loads(text)
     except RecursionError:
         raise ValueError("nested too deeply") from None
+
+
+@contextlib.contextmanager
+def whole_file(path: Path) -> Iterator[Path]:
+    """Yield the name of a file beside ``path`` that takes its place when it is finished, and is gone when it fails.
+
+    Parameters
+    ----------
+    path : Path
+        Where the file is to be, whole or not at all; one that is there is replaced.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written there.
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    try:
+        yield part
+        with part.open("rb") as file:
+            os.fsync(file.fileno())
+        part.replace(path)
+    finally:
+        with contextlib.suppress(OSError):
+            part.unlink()
 
 
 class Fault(NamedTuple):

@@ -28,17 +28,21 @@ MAY_IMPORT: dict[str, set[str]] = {
     "workspace": {"catalog", "engine", "errors", "files", "interrupts", "layout", "stages"},
     "score": {"arrays", "errors", "features", "layout", "vision"},
     "view": {"arrays", "bags", "catalog", "errors", "features", "layout"},
+    "viewers": {"arrays", "bags", "catalog", "errors", "features", "files", "layout", "stages", "vision"},
     "simulate": {"catalog", "engine", "errors"},
     "doctor": {"catalog", "engine", "layout"},
     "checks": {"bags", "catalog", "engine", "errors", "files", "layout"},
     "cli": {
         *("bags", "catalog", "checks", "doctor", "engine", "errors", "features", "interrupts", "layout", "score"),
-        *("simulate", "stages", "view", "vision", "workspace"),
+        *("simulate", "stages", "view", "viewers", "vision", "workspace"),
     },
     "__main__": {"cli", "interrupts"},
 }
 """Which rooms each room may import, beside itself: docs/architecture.md says why."""
-HEAVY = {"numpy", "pandas", "pyarrow", "cv2", "rosbags", "duckdb", "matplotlib", "mujoco", "blake3", "rich.console"}
+HEAVY = {
+    *("numpy", "pandas", "pyarrow", "cv2", "rosbags", "duckdb", "matplotlib", "mujoco", "blake3", "rich.console"),
+    *("rerun", "mcap"),
+}
 
 
 def module_name(path: Path) -> str:

@@ -9,7 +9,7 @@ from importlib import import_module
 
 import typer
 
-from garment_dataset.cli import new
+from garment_dataset.cli import export, new
 from garment_dataset.cli.output import say, show_warning, take_any_text
 from garment_dataset.errors import GarmentError
 
@@ -36,6 +36,7 @@ VERBS = {
     "simulate": "simulate.simulate",
     "score": "score.score",
     "plot": "plot.plot",
+    "view": "view.view",
 }
 """Where the function of each verb lies in this package, in the order of ``--help``: one that runs imports no other."""
 
@@ -43,7 +44,7 @@ VERBS = {
 def application(verb: str | None = None) -> typer.Typer:
     """Return the command with all verbs, or with that one alone, where there is such a verb.
 
-    The group ``new`` is always there, as it is what makes Typer expect a verb.
+    The groups ``new`` and ``export`` are always there: a group is what makes Typer expect a verb.
     """
     app = typer.Typer(
         name="garment",
@@ -57,6 +58,7 @@ def application(verb: str | None = None) -> typer.Typer:
         module, function = VERBS[name].split(".")
         app.command(name)(getattr(import_module(f"{__name__}.{module}"), function))
     app.add_typer(new.app, name="new")
+    app.add_typer(export.app, name="export")
     return app
 
 

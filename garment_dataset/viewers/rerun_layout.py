@@ -1,0 +1,64 @@
+"""How Rerun arranges a recording: space and images on the left, curves on the right."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    import rerun.blueprint as rrb
+
+    from garment_dataset.viewers.content import Content
+
+
+def blueprint(content: Content, timeline: str) -> rrb.Blueprint:
+    """Return the arrangement; there is a view only of what the recording has.
+
+    Parameters
+    ----------
+    content : Content
+        Of the recording.
+    timeline : str
+        The one that is played.
+    """
+    import rerun.blueprint as rrb
+
+    views, curves = _views(content), _curves(content)
+    left = rrb.Vertical(views[0], rrb.Horizontal(*views[1:]), row_shares=[3, 2]) if len(views) > 1 else views[0]
+    right = rrb.Vertical(*curves)
+    return rrb.Blueprint(
+        rrb.Horizontal(left, right, column_shares=[3, 2]),
+        rrb.TimePanel(state="collapsed", timeline=timeline),
+        rrb.BlueprintPanel(state="collapsed"),
+        rrb.SelectionPanel(state="collapsed"),
+        auto_views=False,
+    )
+
+
+def _views(content: Content) -> list[Any]:
+    """Return a view of space, if there is depth, and one for every stream that has images."""
+    import rerun.blueprint as rrb
+
+    views: list[Any] = []
+    if "depth" in content.cameras:
+        root = content.cameras["depth"].frame_id
+        inside = [f"+ /{root}/**", f"- /{root}/depth_image/depth_mm", f"- /{root}/color_image/**"]
+        views.append(rrb.Spatial3DView(origin=f"/{root}", contents=inside, name=f"{root} [m]"))
+    for stream, camera in content.cameras.items():
+        unit = "mm" if stream == "depth" else "px"
+        origin = f"/{camera.frame_id}/{stream}_image"
+        inside = ["+ $origin/**", "- $origin/garment_mm"]
+        name = f"{stream} [{unit}], {camera.frame_id}"
+        views.append(rrb.Spatial2DView(origin=origin, contents=inside, name=name))
+    return views
+
+
+def _curves(content: Content) -> list[Any]:
+    import rerun.blueprint as rrb
+
+    wanted: dict[str, str] = {}
+    if "kinematics" in content.tables:
+        wanted |= {"z_m": "z of points [m], 2 std", "vz_m_s": "velocity along z [m/s], 2 std"}
+    wanted["gripper_m"] = f"gripper [m], {content.cameras[content.main].frame_id}"
+    if "joints" in content.tables:
+        wanted["joints_rad"] = "joints [rad]"
+    return [rrb.TimeSeriesView(origin=f"/{root}", name=name) for root, name in wanted.items()]

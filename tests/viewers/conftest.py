@@ -1,0 +1,41 @@
+"""Recordings that are built once, to be shown in every way."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from garment_dataset.engine.events import Ending
+from garment_dataset.viewers.content import Content, gather
+from tests.conftest import COLOR_RECORDINGS, make_workspace, write_color_recording
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from garment_dataset.workspace import Workspace
+
+DEPTH_NAME, COLOR_NAME = "GreenTowel_Ruler_01_pi16_0.5_R1", COLOR_RECORDINGS[0]
+FRAMES = 24
+
+
+@pytest.fixture(scope="session")
+def shown(tmp_path_factory: pytest.TempPathFactory, sample_bags: dict[str, Path]) -> Workspace:
+    """A workspace that is only read: a recording along the axis, and one across it with its empty scene."""
+    made = make_workspace(tmp_path_factory.mktemp("shown") / "workspace")
+    (made.recordings_dir / f"{DEPTH_NAME}.bag").symlink_to(sample_bags[DEPTH_NAME])
+    write_color_recording(made.recordings_dir / f"{COLOR_NAME}.bag")
+    write_color_recording(made.recordings_dir / "camera_default_0.bag", empty_frames=6, seed=9)
+    (made.catalog_dir / "backgrounds.csv").write_text("topics_file,source,from_s,to_s\n1,camera_default_0,,\n")
+    assert not made.build(jobs=0).of(Ending.FAILED)
+    return made
+
+
+@pytest.fixture(scope="session")
+def depth_content(shown: Workspace) -> Content:
+    return gather(shown, shown.catalog().row(DEPTH_NAME))
+
+
+@pytest.fixture(scope="session")
+def color_content(shown: Workspace) -> Content:
+    return gather(shown, shown.catalog().row(COLOR_NAME))
