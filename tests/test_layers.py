@@ -28,13 +28,14 @@ MAY_IMPORT: dict[str, set[str]] = {
     "workspace": {"catalog", "engine", "errors", "files", "interrupts", "layout", "stages"},
     "score": {"arrays", "errors", "features", "layout", "vision"},
     "view": {"arrays", "bags", "catalog", "errors", "features", "layout"},
+    "snapshot": {"arrays", "catalog", "engine", "errors", "layout", "stages", "workspace"},
     "viewers": {"arrays", "bags", "catalog", "errors", "features", "files", "layout", "stages", "vision"},
     "simulate": {"catalog", "engine", "errors"},
     "doctor": {"catalog", "engine", "layout"},
     "checks": {"bags", "catalog", "engine", "errors", "files", "layout"},
     "cli": {
         *("bags", "catalog", "checks", "doctor", "engine", "errors", "features", "interrupts", "layout", "score"),
-        *("simulate", "stages", "view", "viewers", "vision", "workspace"),
+        *("simulate", "stages", "snapshot", "view", "viewers", "vision", "workspace"),
     },
     "__main__": {"cli", "interrupts"},
 }

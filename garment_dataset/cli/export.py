@@ -1,21 +1,44 @@
-"""``garment export``: recordings and results for other programs; every form of them is a command of this group."""
+"""``garment export``: recordings and results for other programs.
+
+Every form is a command of this group; without the name of one, a snapshot is written.
+"""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Any
 
 import typer
+from typer.core import TyperGroup
 
 from garment_dataset.cli.output import WorkspaceOption, say
+from garment_dataset.cli.snapshot import snapshot
 from garment_dataset.cli.writing import refuse_file
 
-app = typer.Typer(help="Write recordings for other programs.", no_args_is_help=True, rich_markup_mode=None)
+_USUAL = "snapshot"
+_HELP = """Write results for others: `garment export OUT` a snapshot, or what one of the commands says.
+
+A snapshot into a folder that is called like a command: `garment export ./mcap`.
+"""
 
 
-@app.callback()
+class _Forms(TyperGroup):
+    """A group that takes what is no command of its for the arguments of the usual one."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:  # noqa: ANN401 - Typer hides its type
+        """Put the usual command in front where none is named."""
+        if args and args[0] not in {*self.commands, "--help"}:
+            args = [_USUAL, *args]
+        return super().parse_args(ctx, args)
+
+
+app = typer.Typer(cls=_Forms, help=_HELP, no_args_is_help=True, rich_markup_mode=None)
+app.command(_USUAL)(snapshot)
+
+
+@app.callback(help=_HELP)
 def export() -> None:
-    """Write recordings for other programs."""
+    """Write results for others."""
 
 
 @app.command("mcap")

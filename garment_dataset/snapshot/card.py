@@ -36,7 +36,7 @@ frame = pd.read_parquet("{table}")
 ```
 
 `polars.read_parquet("{table}")`, `duckdb.sql("from '{table}/*.parquet'")`, `pyarrow.dataset.dataset("{table}")`,
-`datasets.load_dataset(".", "{table}")` and R's `arrow::open_dataset("{table}")` find the same rows.
+`datasets.load_dataset("./{table}")` and R's `arrow::open_dataset("{table}")` find the same rows.
 `sha256sum --check {sums}` says whether all is as it was written."""
 
 _CONVENTIONS = """\

@@ -28,6 +28,8 @@ def changes(old: Mapping[str, Any], new: Mapping[str, Any]) -> list[str]:
     lines += _named("recordings", set(old["recordings"]), set(new["recordings"]))
     lines += _named("left out", set(old["left_out"]), set(new["left_out"]))
     lines += _files(old["files"], new["files"])
+    said = old["described_by"], new["described_by"]
+    lines += [f"{name}: changed" for name in sorted({*said[0], *said[1]}) if said[0].get(name) != said[1].get(name)]
     lines += [
         f"{name}: {old['made_with'].get(name)} -> {new['made_with'].get(name)}"
         for name in sorted({*old["made_with"], *new["made_with"]})

@@ -21,8 +21,10 @@ if TYPE_CHECKING:
     from garment_dataset.workspace.session import Session
 
 PLACES = (
-    Column("garment", "string", "", "name of the garment; null: of several, or of none", nullable=True),
-    Column("holding", "string", "", "how the garment is held; null: not stated, or of several", nullable=True),
+    Column(
+        "garment", "string", "", "name of the garment; camera_default: an empty scene; null: several", nullable=True
+    ),
+    Column("holding", "string", "", "how the garment is held; null: not stated, or several", nullable=True),
 )
 """Columns for what stands in the paths of results: files of a snapshot lie in one folder a table."""
 
@@ -130,8 +132,8 @@ def gather(session: Session, tables: Collection[str] = (), variant: str = "") ->
     found = (piece for each in fresh for piece in _pieces(session, each, wanted, is_placed=each.node.stage in placed))
     pieces = sorted(found, key=lambda each: each.name)
     if not pieces:
-        why = Counter(left_out.values()).most_common(1)
-        raise StoreError("nothing to export", found=why[0][0] if why else None, hint="`garment build` makes it.")
+        why = Counter(map(_why, decisions)).most_common(1)
+        raise StoreError("nothing to export", found=why[0][0] if why else "no bag", hint="`garment build` makes it.")
     there = {piece.table for piece in pieces}
     schemas = {output.name: _described(stage, output.name) for stage in stages for output in stage.outputs}
     return Contents(

@@ -126,12 +126,18 @@ def _fill(contents: Contents, folder: Path) -> None:
     _write_json(folder / "datapackage.json", package)
     made_with = {name: version_of(name) for name in _LIBRARIES}
     (folder / "README.md").write_text(card(contents, tally, version=version, made_with=made_with), "utf-8")
-    _write_json(folder / MANIFEST, _manifest(contents, tally, version, content, made_with))
+    described_by = {name: sha256 for name, sha256 in data.items() if name not in tally.made}
+    _write_json(folder / MANIFEST, _manifest(contents, tally, version, content, made_with, described_by))
     (folder / SUMS).write_text(sums_text(sums_of(folder)), "utf-8")
 
 
 def _manifest(
-    contents: Contents, tally: Tally, version: str, content: str, made_with: dict[str, str]
+    contents: Contents,
+    tally: Tally,
+    version: str,
+    content: str,
+    made_with: dict[str, str],
+    described_by: dict[str, str],
 ) -> dict[str, Any]:
     return {
         "format": FORMAT,
@@ -146,6 +152,7 @@ def _manifest(
         },
         "recordings": contents.recordings,
         "left_out": dict(contents.left_out),
+        "described_by": described_by,
         "files": dict(sorted(tally.made.items())),
     }
 
