@@ -29,7 +29,7 @@ TIME = "time"
 _TWO_STDS = 2.0
 _AXIS_M = 0.08
 _MASK_OPACITY, _OVER_IMAGE = 0.35, 1.0
-_POINT_M, _CHAIN_M = 0.006, 0.0015
+_POINT_M, _CHAIN_M = 0.006, 0.002
 _MM_IN_M = 1000.0
 _CENTRE_PX = 0.5
 """Where Rerun has the centre of the first pixel; in the tables it is 0."""
@@ -113,6 +113,7 @@ def _new_stream(content: Content) -> rr.RecordingStream:
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(content.recording)
+    stream.send_recording_start_time_nanos(content.start_ns)
     return stream
 
 

@@ -69,6 +69,8 @@ def color_read(color_content: Content, tmp_path_factory: pytest.TempPathFactory)
 
 def test_every_frame_of_every_entity_is_there(depth_read: Read) -> None:
     assert depth_read.recording == DEPTH_NAME
+    (start,) = depth_read.static["/__properties"]["RecordingInfo:start_time"]
+    assert start == START_NS
     assert depth_read.blueprints == 1
     per_frame = {
         *(f"{DEPTH}/depth_image/{name}" for name in ("depth_mm", "garment_mm")),
