@@ -50,10 +50,12 @@ def _views(content: Content) -> list[Any]:
         eye = _eye(content)
         views.append(rrb.Spatial3DView(origin=f"/{root}", contents=inside, name=f"{root} [m]", eye_controls=eye))
     for stream, camera in content.cameras.items():
-        unit = "mm" if stream == "depth" else "px"
-        origin = f"/{camera.frame_id}/{stream}_image"
         inside = ["+ $origin/**", "- $origin/garment_mm"]
-        name = f"{stream} [{unit}], {camera.frame_id}"
+        if "depth" in content.cameras and (stream == "depth" or content.other_in_main is not None):
+            root = content.cameras["depth"].frame_id
+            inside += [f"+ /{root}/{name}" for name in ("chain_m", "points_m", "tracks_m")]
+        name = f"{stream} [{'mm' if stream == 'depth' else 'px'}], {camera.frame_id}"
+        origin = f"/{camera.frame_id}/{stream}_image"
         views.append(rrb.Spatial2DView(origin=origin, contents=inside, name=name))
     return views
 

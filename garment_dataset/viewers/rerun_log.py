@@ -147,6 +147,11 @@ class _Log:
 
         for stream, camera in self._content.cameras.items():
             self._send(camera.frame_id, rr.ViewCoordinates.RDF, static=True)
+            between = self._content.other_in_main
+            if stream != self._content.main and between is not None:
+                turn = rr.Quaternion(xyzw=between.quaternion_xyzw.tolist())
+                place = rr.Transform3D(translation=between.translation, quaternion=turn)
+                self._send(camera.frame_id, place, static=True)
             k = camera.intrinsics
             rows = [[k.fx_px, 0.0, k.cx_px + _CENTRE_PX], [0.0, k.fy_px, k.cy_px + _CENTRE_PX], [0.0, 0.0, 1.0]]
             pinhole = rr.Pinhole(
