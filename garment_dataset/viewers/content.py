@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
     from garment_dataset.arrays import FloatArray, IntArray
-    from garment_dataset.bags import DepthReading
+    from garment_dataset.bags import DepthReading, Transform
     from garment_dataset.catalog import CatalogRow
     from garment_dataset.layout import Layout
 
@@ -98,6 +98,8 @@ class Content:
         Which pixels of depth are the garment's.
     gripper_frame : str
         Name of the gripper's frame.
+    other_in_main : Transform or None
+        Takes points of the other stream's optical frame into that of the main one; None where that is not known.
     left_out : tuple of str
         What is not shown, and what to do about it, one line each.
     """
@@ -110,6 +112,7 @@ class Content:
     tables: dict[str, pd.DataFrame]
     mask: MaskSettings
     gripper_frame: str
+    other_in_main: Transform | None
     left_out: tuple[str, ...]
 
     def usable(self, stream: Stream) -> dict[int, int]:
@@ -181,17 +184,21 @@ def gather(layout: Layout, row: CatalogRow, variant: str = "") -> Content:
     if not cameras:
         raise StoreError("nothing to show: no usable images", where=row.recording, hint="`garment show` says why.")
     frames = read["frames"]
-    main: Stream = "depth" if row.axis == "R" else "color"
+    wanted: Stream = "depth" if row.axis == "R" else "color"
+    main = wanted if wanted in cameras else next(iter(cameras))
+    stamps_ns = frames.loc[frames["fault"].isna(), "stamp_ns"].tolist()
+    between = _between(row.path, params["gripper"], cameras, main, stamps_ns)
     return Content(
         row.recording,
         row.path,
-        main if main in cameras else next(iter(cameras)),
+        main,
         cameras,
-        int(frames.loc[frames["fault"].isna(), "stamp_ns"].min()),
+        min(stamps_ns),
         read,
         _mask_settings(params.get("points")),
         str(params["gripper"]["gripper_frame"]).lstrip("/") or "gripper",
-        tuple(_left_out(row, read)),
+        between,
+        tuple(_left_out(row, read, is_rig_known=between is not None or len(cameras) < 2)),
     )
 
 
@@ -227,10 +234,39 @@ def _mask_settings(params: dict[str, Any] | None) -> MaskSettings:
     return MaskSettings(float(params["band_half_width_m"]), float(params["hold_reach_m"]))
 
 
-def _left_out(row: CatalogRow, tables: dict[str, pd.DataFrame]) -> list[str]:
+def _between(
+    path: Path | None,
+    params: dict[str, Any],
+    cameras: dict[Stream, ShownCamera],
+    main: Stream,
+    stamps_ns: list[int],
+) -> Transform | None:
+    """Return how the other camera stands to the main one, by the names that the stage decode was given."""
+    if path is None or len(cameras) < 2:
+        return None
+    from garment_dataset.bags import open_bag
+    from garment_dataset.viewers.rig import camera_in_camera
+
+    names: dict[Stream, str] = {"depth": "camera_frame", "color": "color_camera_frame"}
+    frames = {stream: str(params[name]).lstrip("/") or cameras[stream].frame_id for stream, name in names.items()}
+    other: Stream = "color" if main == "depth" else "depth"
+    with open_bag(path) as bag:
+        return camera_in_camera(
+            bag,
+            frames[main],
+            frames[other],
+            stamps_ns,
+            topics=(str(params["tf_topic"]), str(params["tf_static_topic"])),
+            max_stamp_offset_s=float(params["max_stamp_offset_s"]),
+        )
+
+
+def _left_out(row: CatalogRow, tables: dict[str, pd.DataFrame], *, is_rig_known: bool) -> list[str]:
     lines = []
     if row.path is None:
         lines.append(f"left out, as the bag of {row.recording} is missing: images and cloud; put it into recordings/")
+    elif not is_rig_known:
+        lines.append("left out, as the recorded transforms do not say it: how the two cameras stand to each other")
     if missing := [name for name in _SHOWN if name not in tables]:
         stages = dict.fromkeys(_STAGES.get(name, name) for name in missing)
         lines.append(

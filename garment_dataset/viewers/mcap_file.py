@@ -96,7 +96,7 @@ class _Export:
         self._writer.start(profile="ros2", library="garment-dataset")
         about = {"recording": self._content.recording, "left_out": "\n".join(self._content.left_out)}
         self._writer.add_metadata("garment", about)
-        self._write_level()
+        self._write_cameras()
         frames = ((frame.stamp_ns, frame) for frame in Frames(self._content))
         for stamp_ns, what in heapq.merge(frames, self._joints(), key=itemgetter(0)):
             if isinstance(what, DepthFrame):
@@ -126,16 +126,20 @@ class _Export:
             position, velocity = (_values(rows, name) for name in ("position_rad", "velocity_rad_s"))
             yield stamp_ns, self._ros.joint_state(stamp_ns, rows["joint"].tolist(), position, velocity)
 
-    def _write_level(self) -> None:
-        """Write how the camera looks, before all else, as it holds all along."""
-        gravity, stamp_ns = self._content.gravity, self._content.start_ns
-        if "joints" in self._content.tables and len(joints := self._content.tables["joints"]):
+    def _write_cameras(self) -> None:
+        """Write how the cameras stand, before all else, as it holds all along."""
+        content, stamp_ns = self._content, self._content.start_ns
+        if "joints" in content.tables and len(joints := content.tables["joints"]):
             stamp_ns = min(stamp_ns, int(joints["stamp_ns"].min()))
-        if gravity is not None:
-            frame = self._content.cameras[self._content.main].frame_id
-            turn = level_quaternion_xyzw(gravity).tolist()
-            turned = self._ros.transform(stamp_ns, LEVEL, frame, (0.0, 0.0, 0.0), turn)
-            self._write("/tf_static", "tf2_msgs/msg/TFMessage", stamp_ns, turned)
+        links, frame = [], content.cameras[content.main].frame_id
+        if content.gravity is not None:
+            links.append((LEVEL, frame, np.zeros(3), level_quaternion_xyzw(content.gravity)))
+        if (between := content.other_in_main) is not None:
+            (other,) = (camera.frame_id for stream, camera in content.cameras.items() if stream != content.main)
+            links.append((frame, other, between.translation, between.quaternion_xyzw))
+        for parent, child, place_m, turn in links:
+            message = self._ros.transform(stamp_ns, parent, child, place_m.tolist(), turn.tolist())
+            self._write("/tf_static", "tf2_msgs/msg/TFMessage", stamp_ns, message)
 
     def _write_camera(self, stream: Stream, stamp_ns: int) -> str:
         """Write the camera of an image; return the topic that images are below."""

@@ -4,10 +4,15 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
     from garment_dataset.viewers.content import Content
+
+_MIDDLE_FROM_GRIPPER_M = np.array([0.0, 0.3, 0.0])
+_EYE_FROM_TARGET_M = np.array([0.8, -0.3, -0.9])
 
 
 def blueprint(content: Content, timeline: str) -> rrb.Blueprint:
@@ -42,17 +47,32 @@ def _views(content: Content) -> list[Any]:
     if "depth" in content.cameras:
         root = content.cameras["depth"].frame_id
         inside = [f"+ /{root}/**", f"- /{root}/depth_image/depth_mm", f"- /{root}/color_image/**"]
-        views.append(rrb.Spatial3DView(origin=f"/{root}", contents=inside, name=f"{root} [m]"))
+        eye = _eye(content)
+        views.append(rrb.Spatial3DView(origin=f"/{root}", contents=inside, name=f"{root} [m]", eye_controls=eye))
     for stream, camera in content.cameras.items():
-        unit = "mm" if stream == "depth" else "px"
-        origin = f"/{camera.frame_id}/{stream}_image"
         inside = ["+ $origin/**", "- $origin/garment_mm"]
-        name = f"{stream} [{unit}], {camera.frame_id}"
+        if "depth" in content.cameras and (stream == "depth" or content.other_in_main is not None):
+            root = content.cameras["depth"].frame_id
+            inside += [f"+ /{root}/{name}" for name in ("chain_m", "points_m", "tracks_m")]
+        name = f"{stream} [{'mm' if stream == 'depth' else 'px'}], {camera.frame_id}"
+        origin = f"/{camera.frame_id}/{stream}_image"
         views.append(rrb.Spatial2DView(origin=origin, contents=inside, name=name))
     return views
 
 
+def _eye(content: Content) -> Any:  # noqa: ANN401 - what a blueprint is made of
+    """Return from where space is seen: from the right of the camera and above, so that depth shows."""
+    import rerun.blueprint as rrb
+
+    ends_m = content.tables["gripper"].query("stream == 'depth'")[["x_m", "y_m", "z_m"]].dropna()
+    if ends_m.empty:
+        return None
+    target_m = ends_m.median().to_numpy(np.float64) + _MIDDLE_FROM_GRIPPER_M
+    return rrb.EyeControls3D(position=target_m + _EYE_FROM_TARGET_M, look_target=target_m, eye_up=[0.0, -1.0, 0.0])
+
+
 def _curves(content: Content) -> list[Any]:
+    """Return views of curves; those of points are coloured as the points in space, and need no legend."""
     import rerun.blueprint as rrb
 
     wanted: dict[str, str] = {}
@@ -61,4 +81,9 @@ def _curves(content: Content) -> list[Any]:
     wanted["gripper_m"] = f"gripper [m], {content.cameras[content.main].frame_id}"
     if "joints" in content.tables:
         wanted["joints_rad"] = "joints [rad]"
-    return [rrb.TimeSeriesView(origin=f"/{root}", name=name) for root, name in wanted.items()]
+    return [
+        rrb.TimeSeriesView(
+            origin=f"/{root}", name=name, plot_legend=rrb.PlotLegend(visible=root == "gripper_m", corner="RightTop")
+        )
+        for root, name in wanted.items()
+    ]

@@ -29,7 +29,7 @@ TIME = "time"
 _TWO_STDS = 2.0
 _AXIS_M = 0.08
 _MASK_OPACITY, _OVER_IMAGE = 0.35, 1.0
-_POINT_M, _CHAIN_M = 0.006, 0.0015
+_POINT_M, _CHAIN_M = 0.006, 0.002
 _MM_IN_M = 1000.0
 _CENTRE_PX = 0.5
 """Where Rerun has the centre of the first pixel; in the tables it is 0."""
@@ -113,6 +113,7 @@ def _new_stream(content: Content) -> rr.RecordingStream:
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(content.recording)
+    stream.send_recording_start_time_nanos(content.start_ns)
     return stream
 
 
@@ -146,6 +147,11 @@ class _Log:
 
         for stream, camera in self._content.cameras.items():
             self._send(camera.frame_id, rr.ViewCoordinates.RDF, static=True)
+            between = self._content.other_in_main
+            if stream != self._content.main and between is not None:
+                turn = rr.Quaternion(xyzw=between.quaternion_xyzw.tolist())
+                place = rr.Transform3D(translation=between.translation, quaternion=turn)
+                self._send(camera.frame_id, place, static=True)
             k = camera.intrinsics
             rows = [[k.fx_px, 0.0, k.cx_px + _CENTRE_PX], [0.0, k.fy_px, k.cy_px + _CENTRE_PX], [0.0, 0.0, 1.0]]
             pinhole = rr.Pinhole(

@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
+from garment_dataset.bags import Transform
 from garment_dataset.engine.events import Ending
 from garment_dataset.viewers.content import Content, gather
 from tests.conftest import COLOR_RECORDINGS, make_workspace, write_color_recording
@@ -39,3 +42,17 @@ def depth_content(shown: Workspace) -> Content:
 @pytest.fixture(scope="session")
 def color_content(shown: Workspace) -> Content:
     return gather(shown, shown.catalog().row(COLOR_NAME))
+
+
+@pytest.fixture(scope="session")
+def turning_content(depth_content: Content) -> Content:
+    """The same with a gripper that turns, unknown in frame 4; with a camera that is level, and the other beside it."""
+    gripper, world = depth_content.tables["gripper"].copy(), depth_content.tables["world"].copy()
+    angle = 0.02 * gripper["frame"].to_numpy(np.float64)
+    gripper["qx"], gripper["qy"] = np.sin(angle), 0.0
+    gripper["qz"], gripper["qw"] = 0.0, np.cos(angle)
+    gripper.loc[gripper["frame"] == 4, ["qx", "qy", "qz", "qw"]] = np.nan
+    world["gravity_x"], world["gravity_y"], world["gravity_z"] = 0.0, 1.0, 0.0
+    beside = Transform(np.array([0.025, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]), 0, 0)
+    tables = {**depth_content.tables, "gripper": gripper, "world": world}
+    return dataclasses.replace(depth_content, tables=tables, other_in_main=beside)

@@ -196,6 +196,23 @@ def test_a_silhouette_its_outline_and_curve_are_in_the_colour_camera(color_read:
     assert g > b > r
 
 
+def test_transforms_lead_from_level_to_both_cameras_and_the_gripper(turning_content: Content, tmp_path: Path) -> None:
+    save_mcap(turning_content, tmp_path / "turning.mcap")
+    read = Read(tmp_path / "turning.mcap")
+    assert read.in_file == sorted(read.in_file)
+    level, beside = (message.transforms[0] for message in read.of("/tf_static"))
+    assert (level.header.frame_id, level.child_frame_id) == ("level", DEPTH)
+    assert (beside.header.frame_id, beside.child_frame_id) == (DEPTH, COLOR)
+    assert xyz(beside.transform.translation) == (0.025, 0, 0)
+    gripper = turning_content.tables["gripper"].query("stream == 'depth'").dropna(subset=["qw"])
+    assert len(gripper) == FRAMES - 1  # none is made up for the frame without
+    moved = [message.transforms[0] for message in read.of("/tf")]
+    assert {(each.header.frame_id, each.child_frame_id) for each in moved} == {(DEPTH, "r2_ee")}
+    np.testing.assert_array_equal([xyz(each.transform.translation) for each in moved], gripper[["x_m", "y_m", "z_m"]])
+    turns = [each.transform.rotation for each in moved]
+    np.testing.assert_array_equal([(q.x, q.y, q.z, q.w) for q in turns], gripper[["qx", "qy", "qz", "qw"]])
+
+
 def test_the_camera_is_that_of_the_images(depth_read: Read) -> None:
     info = depth_read.of("/xtion1/depth/camera_info")[0]
     assert list(info.k) == [FOCAL_PX, 0, WIDTH_PX / 2, 0, FOCAL_PX, HEIGHT_PX / 2, 0, 0, 1]

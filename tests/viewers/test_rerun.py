@@ -69,6 +69,8 @@ def color_read(color_content: Content, tmp_path_factory: pytest.TempPathFactory)
 
 def test_every_frame_of_every_entity_is_there(depth_read: Read) -> None:
     assert depth_read.recording == DEPTH_NAME
+    (start,) = depth_read.static["/__properties"]["RecordingInfo:start_time"]
+    assert start == START_NS
     assert depth_read.blueprints == 1
     per_frame = {
         *(f"{DEPTH}/depth_image/{name}" for name in ("depth_mm", "garment_mm")),
@@ -143,6 +145,20 @@ def test_silhouettes_are_logged_as_they_are(color_read: Read, shown: Workspace) 
     outline = color_read.rows[f"{COLOR}/color_image/outline_px"][0]["LineStrips2D:strips"][0]
     assert outline[0] == outline[-1]
     assert len(outline) == len(masks["outline_u_px"][0]) + 1
+
+
+def test_the_gripper_has_a_frame_where_it_is_known_how_it_is_turned(turning_content: Content, tmp_path: Path) -> None:
+    save_rrd(turning_content, tmp_path / "turning.rrd")
+    read = Read(tmp_path / "turning.rrd")
+    rows = turning_content.tables["gripper"].query("stream == 'depth' and frame == 9").iloc[0]
+    logged = read.at(f"{DEPTH}/depth_gripper/frame", "depth_frame", 9)
+    np.testing.assert_allclose(logged["Transform3D:translation"][0], rows[["x_m", "y_m", "z_m"]].tolist(), atol=1e-7)
+    turn = rows[["qx", "qy", "qz", "qw"]].tolist()
+    np.testing.assert_allclose(logged["Transform3D:quaternion"][0], turn, atol=1e-7)
+    unknown = read.at(f"{DEPTH}/depth_gripper/frame", "depth_frame", 4)
+    assert unknown["Clear:is_recursive"] == [False]
+    assert not unknown.get("Transform3D:quaternion")
+    np.testing.assert_allclose(read.static[COLOR]["Transform3D:translation"][0], [0.025, 0, 0], atol=1e-9)
 
 
 def test_without_the_bag_there_are_features_only(shown: Workspace, tmp_path: Path) -> None:
