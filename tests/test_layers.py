@@ -29,13 +29,14 @@ MAY_IMPORT: dict[str, set[str]] = {
     "score": {"arrays", "errors", "features", "layout", "vision"},
     "view": {"arrays", "bags", "catalog", "errors", "features", "layout"},
     "snapshot": {"arrays", "catalog", "engine", "errors", "layout", "stages", "workspace"},
+    "clouds": {"arrays", "catalog", "errors", "layout", "snapshot", "viewers", "vision"},
     "viewers": {"arrays", "bags", "catalog", "errors", "features", "files", "layout", "stages", "vision"},
     "simulate": {"catalog", "engine", "errors"},
     "doctor": {"catalog", "engine", "layout"},
     "checks": {"bags", "catalog", "engine", "errors", "files", "layout"},
     "cli": {
         *("bags", "catalog", "checks", "doctor", "engine", "errors", "features", "interrupts", "layout", "score"),
-        *("simulate", "stages", "snapshot", "view", "viewers", "vision", "workspace"),
+        *("simulate", "stages", "clouds", "snapshot", "view", "viewers", "vision", "workspace"),
     },
     "__main__": {"cli", "interrupts"},
 }

@@ -11,6 +11,7 @@ from typing import Annotated, Any
 import typer
 from typer.core import TyperGroup
 
+from garment_dataset.cli.clouds import clouds
 from garment_dataset.cli.output import WorkspaceOption, say
 from garment_dataset.cli.snapshot import snapshot
 from garment_dataset.cli.writing import refuse_file
@@ -34,6 +35,7 @@ class _Forms(TyperGroup):
 
 app = typer.Typer(cls=_Forms, help=_HELP, no_args_is_help=True, rich_markup_mode=None)
 app.command(_USUAL)(snapshot)
+app.command("clouds")(clouds)
 
 
 @app.callback(help=_HELP)

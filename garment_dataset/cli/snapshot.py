@@ -29,13 +29,14 @@ def snapshot(
     """Write a snapshot: Parquet that every reader takes, what describes it, sums, and a data card."""
     if verify:
         if filters or table or variant or since:
-            raise UsageError("a snapshot is verified as a whole", expected="`garment export --verify OUT`")
+            raise UsageError("what was exported is verified as a whole", expected="`garment export --verify OUT`")
         _verify(out, as_json=as_json)
         return
     from garment_dataset.layout import Layout
     from garment_dataset.snapshot.changes import changes
     from garment_dataset.snapshot.contents import gather
-    from garment_dataset.snapshot.writing import MANIFEST, read_manifest, refuse_foreign, write_snapshot
+    from garment_dataset.snapshot.folders import refuse_foreign
+    from garment_dataset.snapshot.writing import MANIFEST, read_manifest, write_snapshot
     from garment_dataset.workspace.session import Session
 
     refuse_foreign(out)
@@ -65,18 +66,17 @@ def snapshot(
 def _verify(out: Path, *, as_json: bool) -> None:
     """Compare a snapshot with its sums; exit 1 where it is not as written."""
     from garment_dataset.snapshot.sums import compare, read_sums
-    from garment_dataset.snapshot.writing import read_manifest
+    from garment_dataset.snapshot.writing import MANIFEST, read_manifest
 
-    found, manifest, files = compare(out), None, len(read_sums(out))
-    if not found:
-        manifest = read_manifest(out)
+    found, files = compare(out), len(read_sums(out))
     if as_json:
         print_json({"files": files, "changed": found.changed, "missing": found.missing, "added": found.added})
     else:
         for word, names in (("changed", found.changed), ("missing", found.missing), ("not in the sums", found.added)):
             for name in names:
                 print(f"{word}: {name}")
-        if manifest is not None:
-            say(f"{out}: all {files} files are as written, version {manifest['version']}")
+        if not found:
+            version = f", version {read_manifest(out)['version']}" if (out / MANIFEST).is_file() else ""
+            say(f"{out}: all {files} files are as written{version}")
     if found:
         sys.exit(1)

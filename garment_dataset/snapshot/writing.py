@@ -5,19 +5,19 @@ from __future__ import annotations
 import csv
 import io
 import json
-import os
 import shutil
 from importlib.metadata import version as version_of
 from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.artifacts import read_provenance
 from garment_dataset.engine.canonical import digest
-from garment_dataset.errors import StorageError, StoreError
+from garment_dataset.errors import StoreError
 from garment_dataset.snapshot.card import card, paragraph
 from garment_dataset.snapshot.croissant import croissant
 from garment_dataset.snapshot.datapackage import datapackage
+from garment_dataset.snapshot.folders import whole_folder
 from garment_dataset.snapshot.portable import write_portable
-from garment_dataset.snapshot.sums import SUMS, compare, sums_of, sums_text
+from garment_dataset.snapshot.sums import sums_of
 from garment_dataset.snapshot.tally import Tally
 
 if TYPE_CHECKING:
@@ -44,42 +44,8 @@ def write_snapshot(contents: Contents, folder: Path) -> None:
     StorageError
         If it cannot be written.
     """
-    refuse_foreign(folder)
-    new, old = (folder.with_name(f".{folder.name}.{word}.{os.getpid()}") for word in ("new", "old"))
-    try:
-        new.mkdir(parents=True)
+    with whole_folder(folder) as new:
         _fill(contents, new)
-        if folder.is_dir():
-            folder.rename(old)
-        new.rename(folder)
-    except OSError as error:
-        if old.is_dir() and not folder.exists():
-            old.rename(folder)
-        raise StorageError("cannot be written", where=folder, found=error.strerror or error) from error
-    finally:
-        shutil.rmtree(new, ignore_errors=True)
-        if folder.exists():
-            shutil.rmtree(old, ignore_errors=True)
-
-
-def refuse_foreign(folder: Path) -> None:
-    """Refuse to replace what is no snapshot, or one that somebody has changed.
-
-    Raises
-    ------
-    StoreError
-        If it is so.
-    """
-    if not folder.exists() or (folder.is_dir() and not any(folder.iterdir())):
-        return
-    hint = "Choose another folder, or move it away."
-    if not folder.is_dir() or not (folder / MANIFEST).is_file():
-        raise StoreError("in the way of a snapshot", where=folder, hint=hint)
-    if found := compare(folder):
-        names = [*found.changed, *found.missing, *found.added]
-        raise StoreError(
-            "a snapshot that was changed is not replaced", where=folder, found=", ".join(names[:5]), hint=hint
-        )
 
 
 def read_manifest(folder: Path) -> dict[str, Any]:
@@ -128,7 +94,6 @@ def _fill(contents: Contents, folder: Path) -> None:
     (folder / "README.md").write_text(card(contents, tally, version=version, made_with=made_with), "utf-8")
     described_by = {name: sha256 for name, sha256 in data.items() if name not in tally.made}
     _write_json(folder / MANIFEST, _manifest(contents, tally, version, content, made_with, described_by))
-    (folder / SUMS).write_text(sums_text(sums_of(folder)), "utf-8")
 
 
 def _manifest(

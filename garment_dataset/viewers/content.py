@@ -145,9 +145,13 @@ class Content:
     @property
     def gravity(self) -> FloatArray | None:
         """Unit vector of gravity in the main stream's optical frame, (3,); None where it is not known."""
+        return self.gravity_of(self.main)
+
+    def gravity_of(self, stream: Stream) -> FloatArray | None:
+        """Return the unit vector of gravity in the optical frame of a stream, (3,); None where it is not known."""
         if "world" not in self.tables:
             return None
-        rows = self.tables["world"].query("stream == @self.main")
+        rows = self.tables["world"].loc[lambda frame: frame["stream"] == stream]
         vector = rows[["gravity_x", "gravity_y", "gravity_z"]].to_numpy(np.float64)
         return vector[0] if len(vector) and np.isfinite(vector[0]).all() else None
 

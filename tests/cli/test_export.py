@@ -47,13 +47,23 @@ def test_a_folder_may_be_called_like_a_form(garment: Garment, built: Workspace) 
     assert (built.root / "clouds" / "snapshot.json").is_file()
 
 
+def test_clouds_are_written_and_what_could_not_be_is_named(garment: Garment, built: Workspace, tmp_path: Path) -> None:
+    (built.recordings_dir / "MyScarf_Corner_pi16_0.5_R1.bag").unlink()
+    (built.recordings_dir / "MyScarf_Corner_pi16_0.5_R1.bag").write_bytes(b"no bag at all")
+    out = tmp_path / "clouds"
+    done = garment("export", "clouds", str(out), "axis=R", "--every", "8", "--no-ply", cwd=built.root, code=1)
+    assert f"2 recordings; clouds: {out}" in done.err
+    assert "failed: MyScarf_Corner_pi16_0.5_R1: " in done.err
+    assert "files are as written" in garment("export", "--verify", str(out), cwd=tmp_path).err
+
+
 def test_what_is_wrong_is_one_line(garment: Garment, workspace: Workspace, tmp_path: Path) -> None:
     for arguments, expected in (
         (["export", str(tmp_path / "out")], "nothing to export: found missing"),
         (["export", str(tmp_path / "out"), "--table", "pints"], "Did you mean points?"),
         (["export", "--verify", str(tmp_path)], "not a snapshot: expected a file SHA256SUMS"),
-        (["export", "--verify", str(tmp_path), "axis=R"], "a snapshot is verified as a whole"),
-        (["export", str(workspace.catalog_dir)], "in the way of a snapshot"),
+        (["export", "--verify", str(tmp_path), "axis=R"], "verified as a whole"),
+        (["export", str(workspace.catalog_dir)], "in the way of what is exported"),
     ):
         done = garment(*arguments, cwd=workspace.root, code=2)
         assert expected in done.err

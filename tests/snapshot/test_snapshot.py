@@ -186,14 +186,14 @@ def test_sums_that_are_none_are_refused(copied: Path, line: str) -> None:
 def test_what_is_no_snapshot_or_was_changed_is_never_replaced(built: Workspace, copied: Path, tmp_path: Path) -> None:
     (copied / "README.md").write_text("my own words")
     before = sums_of(copied)
-    with pytest.raises(StoreError, match=r"was changed is not replaced: found README\.md"):
+    with pytest.raises(StoreError, match=r"then changed is not replaced: found README\.md"):
         export(built, copied)
     assert sums_of(copied) == before
     foreign = tmp_path / "foreign"
     foreign.mkdir()
     (foreign / "thesis.txt").write_text("mine")
     for where in (foreign, foreign / "thesis.txt"):
-        with pytest.raises(StoreError, match="in the way of a snapshot"):
+        with pytest.raises(StoreError, match="in the way of what is exported"):
             export(built, where)
     assert (foreign / "thesis.txt").read_text() == "mine"
 
