@@ -34,8 +34,9 @@ def built(tmp_path_factory: pytest.TempPathFactory, sample_bags: dict[str, Path]
 def test_a_recording_is_saved_for_rerun(built: Path, garment: Garment, tmp_path: Path) -> None:
     pytest.importorskip("rerun", reason="Rerun's files need the extra rerun")
     ran = garment("view", NAME, "--save", f"{tmp_path}/a.rrd", cwd=built)
-    left_out, wrote = ran.err.splitlines()
-    assert left_out == (
+    rig, not_built, wrote = ran.err.splitlines()
+    assert rig == "left out, as the recorded transforms do not say it: how the two cameras stand to each other"
+    assert not_built == (
         "left out, as not built: tracks, silhouettes, central_curves; name tracks, silhouette, central_curve in a "
         f"pipeline of {NAME}, then `garment build`"
     )

@@ -56,3 +56,10 @@ def turning_content(depth_content: Content) -> Content:
     beside = Transform(np.array([0.025, 0.0, 0.0]), np.array([0.0, 0.0, 0.0, 1.0]), 0, 0)
     tables = {**depth_content.tables, "gripper": gripper, "world": world}
     return dataclasses.replace(depth_content, tables=tables, other_in_main=beside)
+
+
+@pytest.fixture(scope="session")
+def tracked_content(depth_content: Content) -> Content:
+    """The same with tracks, a centimetre beside the points."""
+    tracks = depth_content.tables["points"].assign(x_m=depth_content.tables["points"]["x_m"] + 0.01)
+    return dataclasses.replace(depth_content, tables={**depth_content.tables, "tracks": tracks})
