@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import os
 import sys
 import warnings
 from importlib import import_module
@@ -10,8 +11,12 @@ from importlib import import_module
 import typer
 
 from garment_dataset.cli import new
-from garment_dataset.cli.output import say, show_warning, take_any_text
+from garment_dataset.cli.output import say, show_warning
+from garment_dataset.cli.streams import make_streams_safe
 from garment_dataset.errors import GarmentError
+
+PROGRAM = "garment"
+"""What the command is called in its own words, however it was started."""
 
 VERBS = {
     "init": "workspace.init",
@@ -46,7 +51,7 @@ def application(verb: str | None = None) -> typer.Typer:
     The group ``new`` is always there, as it is what makes Typer expect a verb.
     """
     app = typer.Typer(
-        name="garment",
+        name=PROGRAM,
         help="Robot recordings of moving cloth, turned into features that a parameter estimator can trust.",
         no_args_is_help=True,
         add_completion=False,
@@ -62,12 +67,15 @@ def application(verb: str | None = None) -> typer.Typer:
 
 def main() -> None:
     """Run the command; what a user caused is one line, a bug keeps its traceback."""
-    take_any_text()
+    make_streams_safe()
     # a plan of thousands of recordings makes a million objects that stay: looking for rubbish among them finds none
     gc.set_threshold(200_000, 20, 100)
     warnings.showwarning = show_warning
     try:
-        application(next(iter(sys.argv[1:]), None))()
+        try:
+            application(next(iter(sys.argv[1:]), None))(prog_name=PROGRAM)
+        finally:
+            sys.stdout.flush()  # a disk that is full is to be told of while it can
     except GarmentError as error:
         say(f"garment: {error}")
         sys.exit(error.exit_code)
@@ -75,5 +83,5 @@ def main() -> None:
         if error.errno is None or error.filename is None:
             raise
         # whatever was being done, it is the disk or the permissions that a person has to look at
-        say(f"garment: {error.filename}: {error.strerror}")
+        say(f"garment: {os.fsdecode(error.filename)}: {error.strerror}")
         sys.exit(1)

@@ -52,7 +52,8 @@ def list_(
         columns = ["recording", "garment", "size [cm]", "weight [g]", "paired", "dvd", "state"]
         columns += [_headed(column) for column in catalog.tables.columns]
         columns += ["quality", "coverage"] if known else []
-        print_table(columns, [_listed(row, damage) + (_judged(quality) if known else []) for row, quality in shown])
+        rows = [_listed(row, damage) + (_judged(quality) if known else []) for row, quality in shown]
+        print_table(columns, rows, heads=("garment", "size [cm]", "weight [g]"))
     _say_counts(catalog, [row for row, _ in shown], damage)
 
 

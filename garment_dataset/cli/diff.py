@@ -144,7 +144,9 @@ def _print(found: Sequence[TableDifference], a: str, b: str) -> None:
     print_table(["table", "results", *only, "rows", *only, "columns that differ"], [_table_cells(one) for one in found])
     if cells := [_column_cells(one, column) for one in found for column in one.differing]:
         print()
-        print_table(["table", "column", "differ", *only, "rms", "largest", "unit", "rms / std"], cells)
+        print_table(
+            ["table", "column", "differ", *only, "rms", "largest", "unit", "rms / std"], cells, heads=("table",)
+        )
     _print_alone(a, {one.table: (one.results, one.results_only_a, one.columns_only_a) for one in found})
     _print_alone(b, {one.table: (one.results, one.results_only_b, one.columns_only_b) for one in found})
 
