@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import gc
 import os
+import re
 import sys
 import warnings
 from importlib import import_module
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
@@ -17,6 +20,9 @@ from garment_dataset.errors import GarmentError
 
 PROGRAM = "garment"
 """What the command is called in its own words, however it was started."""
+
+_ROOM = 60
+"""Letters beside a verb in the list of all, in 80 columns."""
 
 VERBS = {
     "init": "workspace.init",
@@ -52,17 +58,54 @@ def application(verb: str | None = None) -> typer.Typer:
     """
     app = typer.Typer(
         name=PROGRAM,
-        help="Robot recordings of moving cloth, turned into features that a parameter estimator can trust.",
         no_args_is_help=True,
-        add_completion=False,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
     )
     for name in [verb] if verb in VERBS else VERBS:
         module, function = VERBS[name].split(".")
-        app.command(name)(getattr(import_module(f"{__name__}.{module}"), function))
+        run = getattr(import_module(f"{__name__}.{module}"), function)
+        app.command(name, short_help=_first_words(run.__doc__ or ""))(run)
     app.add_typer(new.app, name="new")
+    app.callback()(_options)
     return app
+
+
+def _first_words(text: str) -> str:
+    """Return as many whole clauses of a verb's description as there is room for in the list of all."""
+    text = " ".join(text.partition("\n\n")[0].split())
+    words = re.split(r"[:;] ", text)[0] if len(text) > _ROOM else text
+    while len(words) > _ROOM and "," in words:
+        words = words.rpartition(",")[0]
+    return words.rstrip(".") + "."
+
+
+def _say_version(is_wanted: bool) -> None:
+    if is_wanted:
+        from garment_dataset.doctor.software import DISTRIBUTION, installed
+
+        version, python = installed(DISTRIBUTION) or "(not installed)", ".".join(map(str, sys.version_info[:3]))
+        print(f"{DISTRIBUTION} {version}, Python {python}, {Path(__file__).parents[1]}")
+        raise typer.Exit
+
+
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_say_version, is_eager=True, help="Print version, Python and folder, and exit."
+        ),
+    ] = False,
+) -> None:
+    """Robot recordings of moving cloth, turned into features that a parameter estimator can trust."""
+
+
+def _verb() -> str | None:
+    """Return the first argument; of a line that a shell asks to complete, the one that is complete."""
+    words = sys.argv[1:]
+    if f"_{PROGRAM.upper()}_COMPLETE" in os.environ:
+        words = (os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or "").split()[1:-1]
+    return next(iter(words), None)
 
 
 def main() -> None:
@@ -73,7 +116,7 @@ def main() -> None:
     warnings.showwarning = show_warning
     try:
         try:
-            application(next(iter(sys.argv[1:]), None))(prog_name=PROGRAM)
+            application(_verb())(prog_name=PROGRAM)
         finally:
             sys.stdout.flush()  # a disk that is full is to be told of while it can
     except GarmentError as error:

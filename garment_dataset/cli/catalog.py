@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from garment_dataset.cli import completion
 from garment_dataset.cli.output import (
-    FiltersArgument,
     JsonOption,
     WorkspaceOption,
     print_csv,
@@ -27,7 +27,15 @@ if TYPE_CHECKING:
 
 
 def list_(
-    filters: FiltersArgument = None,
+    filters: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="FILTERS",
+            help="Which recordings: key=value[,value] terms and name globs.",
+            show_default=False,
+            autocompletion=completion.list_filters,
+        ),
+    ] = None,
     workspace: WorkspaceOption = None,
     as_json: JsonOption = False,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV: every column, SI units.")] = False,

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from garment_dataset.cli import completion
 from garment_dataset.cli.fitting import fit_table
 from garment_dataset.cli.streams import is_unicode, legible
 
@@ -32,7 +33,10 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and nothin
 FiltersArgument = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="FILTERS", help="Which recordings: key=value[,value] terms and name globs.", show_default=False
+        metavar="FILTERS",
+        help="Which recordings: key=value[,value] terms and name globs.",
+        show_default=False,
+        autocompletion=completion.filters,
     ),
 ]
 

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from garment_dataset.cli import completion
 from garment_dataset.cli.output import JsonOption, print_json, print_table
 
 if TYPE_CHECKING:
@@ -49,7 +50,12 @@ def score(
         Path, typer.Argument(exists=True, file_okay=False, help="Folder with *.truth folders.", metavar="TRUTH")
     ],
     variant: Annotated[
-        str, typer.Option("--variant", help="Which results; `default`: those without a name.")
+        str,
+        typer.Option(
+            "--variant",
+            help="Which results; `default`: those without a name.",
+            autocompletion=completion.variants,
+        ),
     ] = "default",
     as_json: JsonOption = False,
 ) -> None:

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from garment_dataset.cli import completion
 from garment_dataset.cli.fitting import fits, name_lines, wrap
 from garment_dataset.cli.output import (
     FiltersArgument,
@@ -45,7 +46,13 @@ if TYPE_CHECKING:
 _SHOWN = 20
 
 StageOption = Annotated[
-    list[str] | None, typer.Option("--stage", "-s", help="Only this stage and what feeds it; may be repeated.")
+    list[str] | None,
+    typer.Option(
+        "--stage",
+        "-s",
+        help="Only this stage and what feeds it; may be repeated.",
+        autocompletion=completion.stages,
+    ),
 ]
 
 
@@ -69,13 +76,18 @@ def status(
 
 def why(
     recording: Annotated[
-        str, typer.Argument(metavar="NAME", help="Name of a recording, a group of them, or position_1 and the like.")
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="Name of a recording, a group of them, or position_1 and the like.",
+            autocompletion=completion.recordings,
+        ),
     ],
-    stage: Annotated[str | None, typer.Argument(help="Only this stage.")] = None,
+    stage: Annotated[str | None, typer.Argument(help="Only this stage.", autocompletion=completion.stages)] = None,
     workspace: WorkspaceOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Say, for every stage of one recording, what would be done with it and every reason, old -> new."""
+    """Say what would be done with every stage of one recording, and every reason, old -> new."""
     from garment_dataset.layout import Layout
     from garment_dataset.workspace.session import Session
 
