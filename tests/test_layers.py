@@ -21,7 +21,7 @@ MAY_IMPORT: dict[str, set[str]] = {
     "interrupts": set(),
     "layout": {"errors", "files"},
     "vision": {"arrays", "errors"},
-    "catalog": {"errors", "files", "layout"},
+    "catalog": {"engine", "errors", "files", "layout"},
     "bags": {"errors"},
     "stages": {"arrays", "bags", "engine", "errors", "vision"},
     "features": {"arrays", "engine", "errors", "layout"},
@@ -32,8 +32,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "doctor": {"catalog", "engine", "layout"},
     "checks": {"bags", "catalog", "engine", "errors", "files", "layout"},
     "cli": {
-        *("bags", "catalog", "checks", "doctor", "engine", "errors", "features", "interrupts", "layout", "score"),
-        *("simulate", "stages", "view", "vision", "workspace"),
+        *("bags", "catalog", "checks", "doctor", "engine", "errors", "features", "files", "interrupts", "layout"),
+        *("score", "simulate", "stages", "view", "vision", "workspace"),
     },
     "__main__": {"cli", "interrupts"},
 }

@@ -38,7 +38,8 @@ def offered(cwd: Path, *words: str, shell: str = "fish") -> list[str]:
     assert said == []
     # Typer has Rich draw the descriptions of verbs, where the verb itself is completed
     assert not set(modules.split()) & (HEAVY - ({"rich.console"} if len(words) == 1 else set()))
-    return done.stdout.split()
+    # fish has the description of a verb behind it
+    return [line.partition("\t")[0] for line in done.stdout.splitlines() if line]
 
 
 @pytest.fixture
