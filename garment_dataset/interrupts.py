@@ -11,7 +11,7 @@ import contextlib
 import os
 import signal
 import sys
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, NoReturn
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -77,7 +77,12 @@ def _during(scope: _Scope) -> Iterator[None]:
         _scopes.pop()
 
 
-def _end(number: int, _: FrameType | None) -> None:
+def end_for_broken_pipe() -> NoReturn:
+    """End the process as a signal would: nobody reads any more what it has to say."""
+    _end(signal.SIGPIPE, None)
+
+
+def _end(number: int, _: FrameType | None) -> NoReturn:
     if _ending:
         os._exit(128 + number)
     _ending.append(number)

@@ -24,8 +24,9 @@ from garment_dataset.catalog.rows import (
     words_of,
 )
 from garment_dataset.catalog.schemes import THESIS, Scheme, scheme_of
+from garment_dataset.catalog.showing import as_html, summary
 from garment_dataset.catalog.tables import Background, Garment, Holding, Recording, Tables, read_tables
-from garment_dataset.errors import CatalogError, DataWarning, FilterError, nearest_word
+from garment_dataset.errors import CatalogError, DataWarning, FilterError, nearest_word, printable
 from garment_dataset.files import hint_of, read_text
 from garment_dataset.layout import Layout, nearest_catalog, workspace_above
 
@@ -50,7 +51,7 @@ __all__ = [
 ]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Catalog:
     """The tables of a data set, and the bags of a folder if one was looked at.
 
@@ -76,6 +77,12 @@ class Catalog:
     tables: Tables
     found: FolderScan | None = None
     scheme: Scheme = THESIS
+
+    def __repr__(self) -> str:
+        return f"<Catalog {printable(str(self.folder))}: {summary(self.rows, self.tables)}>"
+
+    def _repr_html_(self) -> str:
+        return as_html(self.folder, self.rows, self.tables)
 
     @classmethod
     def load(cls, folder: Path | None = None, *, strict: bool = True, scheme: Scheme = THESIS) -> Catalog:

@@ -3,15 +3,26 @@
 from __future__ import annotations
 
 import gc
+import os
+import re
 import sys
 import warnings
 from importlib import import_module
+from pathlib import Path
+from typing import Annotated
 
 import typer
 
 from garment_dataset.cli import export, new
-from garment_dataset.cli.output import say, show_warning, take_any_text
+from garment_dataset.cli.output import say, show_warning
+from garment_dataset.cli.streams import make_streams_safe
 from garment_dataset.errors import GarmentError
+
+PROGRAM = "garment"
+"""What the command is called in its own words, however it was started."""
+
+_ROOM = 60
+"""Letters beside a verb in the list of all, in 80 columns."""
 
 VERBS = {
     "init": "workspace.init",
@@ -47,29 +58,69 @@ def application(verb: str | None = None) -> typer.Typer:
     The groups ``new`` and ``export`` are always there: a group is what makes Typer expect a verb.
     """
     app = typer.Typer(
-        name="garment",
-        help="Robot recordings of moving cloth, turned into features that a parameter estimator can trust.",
+        name=PROGRAM,
         no_args_is_help=True,
-        add_completion=False,
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
     )
     for name in [verb] if verb in VERBS else VERBS:
         module, function = VERBS[name].split(".")
-        app.command(name)(getattr(import_module(f"{__name__}.{module}"), function))
+        run = getattr(import_module(f"{__name__}.{module}"), function)
+        app.command(name, short_help=_first_words(run.__doc__ or ""))(run)
     app.add_typer(new.app, name="new")
     app.add_typer(export.app, name="export")
+    app.callback()(_options)
     return app
+
+
+def _first_words(text: str) -> str:
+    """Return as many whole clauses of a verb's description as there is room for in the list of all."""
+    text = " ".join(text.partition("\n\n")[0].split())
+    words = re.split(r"[:;] ", text)[0] if len(text) > _ROOM else text
+    while len(words) > _ROOM and "," in words:
+        words = words.rpartition(",")[0]
+    return words.rstrip(".") + "."
+
+
+def _say_version(is_wanted: bool) -> None:
+    if is_wanted:
+        from garment_dataset.doctor.software import DISTRIBUTION, installed
+
+        version, python = installed(DISTRIBUTION) or "(not installed)", ".".join(map(str, sys.version_info[:3]))
+        print(f"{DISTRIBUTION} {version}, Python {python}, {Path(__file__).parents[1]}")
+        raise typer.Exit
+
+
+def _options(
+    version: Annotated[
+        bool,
+        typer.Option(
+            "--version", callback=_say_version, is_eager=True, help="Print version, Python and folder, and exit."
+        ),
+    ] = False,
+) -> None:
+    """Robot recordings of moving cloth, turned into features that a parameter estimator can trust."""
+
+
+def _verb() -> str | None:
+    """Return the first argument; of a line that a shell asks to complete, the one that is complete."""
+    words = sys.argv[1:]
+    if f"_{PROGRAM.upper()}_COMPLETE" in os.environ:
+        words = (os.environ.get("COMP_WORDS") or os.environ.get("_TYPER_COMPLETE_ARGS") or "").split()[1:-1]
+    return next(iter(words), None)
 
 
 def main() -> None:
     """Run the command; what a user caused is one line, a bug keeps its traceback."""
-    take_any_text()
+    make_streams_safe()
     # a plan of thousands of recordings makes a million objects that stay: looking for rubbish among them finds none
     gc.set_threshold(200_000, 20, 100)
     warnings.showwarning = show_warning
     try:
-        application(next(iter(sys.argv[1:]), None))()
+        try:
+            application(_verb())(prog_name=PROGRAM)
+        finally:
+            sys.stdout.flush()  # a disk that is full is to be told of while it can
     except GarmentError as error:
         say(f"garment: {error}")
         sys.exit(error.exit_code)
@@ -77,5 +128,5 @@ def main() -> None:
         if error.errno is None or error.filename is None:
             raise
         # whatever was being done, it is the disk or the permissions that a person has to look at
-        say(f"garment: {error.filename}: {error.strerror}")
+        say(f"garment: {os.fsdecode(error.filename)}: {error.strerror}")
         sys.exit(1)

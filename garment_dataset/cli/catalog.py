@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from garment_dataset.cli import completion
 from garment_dataset.cli.output import (
-    FiltersArgument,
     JsonOption,
     WorkspaceOption,
     print_csv,
@@ -27,7 +27,15 @@ if TYPE_CHECKING:
 
 
 def list_(
-    filters: FiltersArgument = None,
+    filters: Annotated[
+        list[str] | None,
+        typer.Argument(
+            metavar="FILTERS",
+            help="Which recordings: key=value[,value] terms and name globs.",
+            show_default=False,
+            autocompletion=completion.list_filters,
+        ),
+    ] = None,
     workspace: WorkspaceOption = None,
     as_json: JsonOption = False,
     as_csv: Annotated[bool, typer.Option("--csv", help="Print CSV: every column, SI units.")] = False,
@@ -52,7 +60,8 @@ def list_(
         columns = ["recording", "garment", "size [cm]", "weight [g]", "paired", "dvd", "state"]
         columns += [_headed(column) for column in catalog.tables.columns]
         columns += ["quality", "coverage"] if known else []
-        print_table(columns, [_listed(row, damage) + (_judged(quality) if known else []) for row, quality in shown])
+        rows = [_listed(row, damage) + (_judged(quality) if known else []) for row, quality in shown]
+        print_table(columns, rows, heads=("garment", "size [cm]", "weight [g]"))
     _say_counts(catalog, [row for row, _ in shown], damage)
 
 

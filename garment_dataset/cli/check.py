@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
+from garment_dataset.cli import completion
 from garment_dataset.cli.output import JsonOption, WorkspaceOption, print_json, say
 from garment_dataset.errors import CatalogError, RecordingNameError, UsageError, printable
 
@@ -36,7 +37,12 @@ class _Subject(NamedTuple):
 def check(
     what: Annotated[
         list[str] | None,
-        typer.Argument(metavar="FILTERS|BAGS", help="Which recordings, or bags by their paths.", show_default=False),
+        typer.Argument(
+            metavar="FILTERS|BAGS",
+            help="Which recordings, or bags by their paths.",
+            show_default=False,
+            autocompletion=completion.filters,
+        ),
     ] = None,
     contract: Annotated[
         Path | None,

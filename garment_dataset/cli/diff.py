@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from garment_dataset.cli import completion
 from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, print_json, print_table, say
 from garment_dataset.cli.saying import results_text, say_partial
 from garment_dataset.cli.status import open_session
@@ -25,11 +26,19 @@ _SHOWN = 10
 
 def diff(
     variant_a: Annotated[
-        str, typer.Argument(metavar="VARIANT_A", help="A variant; `default`: the one without a name.")
+        str,
+        typer.Argument(
+            metavar="VARIANT_A",
+            help="A variant; `default`: the one without a name.",
+            autocompletion=completion.variants,
+        ),
     ],
-    variant_b: Annotated[str, typer.Argument(metavar="VARIANT_B", help="Another.")],
+    variant_b: Annotated[str, typer.Argument(metavar="VARIANT_B", help="Another.", autocompletion=completion.variants)],
     filters: FiltersArgument = None,
-    table: Annotated[list[str] | None, typer.Option("--table", "-t", help="Only this table; may be repeated.")] = None,
+    table: Annotated[
+        list[str] | None,
+        typer.Option("--table", "-t", help="Only this table; may be repeated.", autocompletion=completion.tables),
+    ] = None,
     workspace: WorkspaceOption = None,
     as_json: JsonOption = False,
 ) -> None:
@@ -144,7 +153,9 @@ def _print(found: Sequence[TableDifference], a: str, b: str) -> None:
     print_table(["table", "results", *only, "rows", *only, "columns that differ"], [_table_cells(one) for one in found])
     if cells := [_column_cells(one, column) for one in found for column in one.differing]:
         print()
-        print_table(["table", "column", "differ", *only, "rms", "largest", "unit", "rms / std"], cells)
+        print_table(
+            ["table", "column", "differ", *only, "rms", "largest", "unit", "rms / std"], cells, heads=("table",)
+        )
     _print_alone(a, {one.table: (one.results, one.results_only_a, one.columns_only_a) for one in found})
     _print_alone(b, {one.table: (one.results, one.results_only_b, one.columns_only_b) for one in found})
 

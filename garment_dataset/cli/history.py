@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from garment_dataset.cli import completion
 from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, print_json, print_table, say
 from garment_dataset.cli.status import open_session
 from garment_dataset.errors import UsageError
@@ -43,7 +44,13 @@ def _row(build: dict[str, Any]) -> list[object]:
 
 
 def accept(
-    stage: Annotated[str, typer.Argument(help="Whose change of code is to make no difference; `all` for every stage.")],
+    stage: Annotated[
+        str,
+        typer.Argument(
+            help="Whose change of code is to make no difference; `all` for every stage.",
+            autocompletion=completion.stages,
+        ),
+    ],
     filters: FiltersArgument = None,
     because: Annotated[
         str, typer.Option("--because", "-m", help="Why the values are the same; kept with every result.")

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from garment_dataset.cli import completion
 from garment_dataset.cli.output import (
     JsonOption,
     WorkspaceOption,
@@ -34,7 +35,9 @@ def lint_(
     filters: Annotated[
         list[str] | None,
         typer.Argument(
-            help="Which findings: code=missing,misnamed, severity=error, and globs on the name.", show_default=False
+            help="Which findings: code=missing,misnamed, severity=error, and globs on the name.",
+            show_default=False,
+            autocompletion=completion.findings,
         ),
     ] = None,
     workspace: WorkspaceOption = None,

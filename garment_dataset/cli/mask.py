@@ -34,7 +34,7 @@ def mask(
     workspace: WorkspaceOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Suggest a clipping polygon from where the background is not monochrome, as lines for a pipeline file."""
+    """Suggest a clipping polygon, from where the background is not monochrome, as lines for a pipeline file."""
     from garment_dataset.layout import Layout
     from garment_dataset.vision.color.masks import polygon_mask
     from garment_dataset.vision.color.polygons import polygon_of

@@ -1,17 +1,21 @@
-"""How commands speak: results on stdout, all else on stderr; tables by rich on a terminal, plain text elsewhere."""
+"""How commands speak: results on stdout, all else on stderr; tables fit a terminal, and are whole elsewhere."""
 
 from __future__ import annotations
 
 import contextlib
 import csv
-import io
 import json
+import shutil
 import sys
 import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
+
+from garment_dataset.cli import completion
+from garment_dataset.cli.fitting import fit_table
+from garment_dataset.cli.streams import is_unicode, legible
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
@@ -29,21 +33,25 @@ JsonOption = Annotated[bool, typer.Option("--json", help="Print JSON, and nothin
 FiltersArgument = Annotated[
     list[str] | None,
     typer.Argument(
-        metavar="FILTERS", help="Which recordings: key=value[,value] terms and name globs.", show_default=False
+        metavar="FILTERS",
+        help="Which recordings: key=value[,value] terms and name globs.",
+        show_default=False,
+        autocompletion=completion.filters,
     ),
 ]
 
 
-def take_any_text() -> None:
-    """Let what the terminal's encoding has no letters for be written as escapes: file names may hold any bytes."""
-    for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, io.TextIOWrapper):
-            stream.reconfigure(errors="backslashreplace")
+def terminal_width() -> int | None:
+    """Return how many columns the terminal behind stdout has, as ``COLUMNS`` or itself says; None where it is none."""
+    return max(1, shutil.get_terminal_size().columns) if sys.stdout.isatty() else None
 
 
 def print_json(value: object) -> None:
-    """Print ``value`` as JSON on stdout."""
-    sys.stdout.write(json.dumps(value, indent=2, ensure_ascii=False, default=str) + "\n")
+    """Print ``value`` as JSON on stdout: letters that the stream has not, and control letters, as JSON's escapes."""
+    text = json.dumps(value, indent=2, ensure_ascii=not is_unicode(), default=str)
+    if not text.isprintable():
+        text = "".join(each if each == "\n" or each.isprintable() else json.dumps(each)[1:-1] for each in text)
+    sys.stdout.write(text + "\n")
 
 
 def print_csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
@@ -53,23 +61,38 @@ def print_csv(columns: Sequence[str], rows: Iterable[Sequence[object]]) -> None:
     writer.writerows(["" if cell is None else cell for cell in row] for row in rows)
 
 
-def print_table(columns: Sequence[str], rows: Iterable[Sequence[object]], *, title: str | None = None) -> None:
-    """Print rows aligned: a rich table on a terminal, plain text in a pipe or file."""
-    cells = [[_cell(cell) for cell in row] for row in rows]
-    if sys.stdout.isatty():
-        _print_rich(columns, cells, title)
-        return
-    if title:
-        sys.stdout.write(title + "\n")
-    widths = [max(len(row[i]) for row in [list(columns), *cells]) for i in range(len(columns))]
-    for row in [list(columns), *cells]:
-        line = "  ".join(cell.ljust(width) for cell, width in zip(row, widths, strict=True))
-        sys.stdout.write(line.rstrip() + "\n")
+def print_table(
+    columns: Sequence[str],
+    rows: Iterable[Sequence[object]],
+    *,
+    title: str | None = None,
+    heads: Sequence[str] = (),
+) -> None:
+    """Print rows aligned, in the width of the terminal; in a pipe or file, a line each.
+
+    Parameters
+    ----------
+    columns : sequence of str
+        Names of the columns.
+    rows : iterable of sequences
+        Cells; None stands for what is not known.
+    title : str, optional
+        A line above.
+    heads : sequence of str
+        Columns that say the same of many rows that follow each other: said once, where the terminal is narrow.
+    """
+    lines = fit_table([legible(column) for column in columns], cells_of(rows), terminal_width(), heads)
+    sys.stdout.write("\n".join([*([] if title is None else [title]), *lines]) + "\n")
+
+
+def cells_of(rows: Iterable[Sequence[object]]) -> list[list[str]]:
+    """Return rows as the texts that are printed of them."""
+    return [[legible(_cell(cell)) for cell in row] for row in rows]
 
 
 def say(text: str) -> None:
-    """Print one line for the person at the terminal, on stderr."""
-    sys.stderr.write(text + "\n")
+    """Print a line for the person at the terminal, on stderr."""
+    sys.stderr.write("\n".join(legible(line, sys.stderr) for line in text.split("\n")) + "\n")
 
 
 def show_warning(message: Warning | str, *_: object, **__: object) -> None:
@@ -101,15 +124,3 @@ def _cell(value: object) -> str:
     if isinstance(value, float):
         return f"{value:g}"
     return str(value)
-
-
-def _print_rich(columns: Sequence[str], cells: list[list[str]], title: str | None) -> None:
-    from rich import box
-    from rich.console import Console
-    from rich.table import Table
-    from rich.text import Text
-
-    table = Table(*columns, title=title, title_justify="left", box=box.SIMPLE_HEAD)
-    for row in cells:
-        table.add_row(*(Text(cell) for cell in row))
-    Console().print(table)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
+from garment_dataset.cli import completion
 from garment_dataset.cli.output import FiltersArgument, WorkspaceOption, say
 from garment_dataset.cli.show import refuse_picture
 from garment_dataset.errors import DataWarning, StoreError, UsageError
@@ -34,15 +35,22 @@ def plot(
     ] = "z",
     table: Annotated[
         list[str] | None,
-        typer.Option("--table", metavar="TABLE.COLUMN", help="This column instead; may be given again."),
+        typer.Option(
+            "--table",
+            metavar="TABLE.COLUMN",
+            help="This column instead; may be given again.",
+            autocompletion=completion.columns,
+        ),
     ] = None,
     point: Annotated[
         list[int] | None, typer.Option("--point", min=0, help="Only this point, 0: gripper; may be given again.")
     ] = None,
-    variant: Annotated[str, typer.Option("--variant", help="Of this variant of the results.")] = "",
+    variant: Annotated[
+        str, typer.Option("--variant", help="Of this variant of the results.", autocompletion=completion.variants)
+    ] = "",
     workspace: WorkspaceOption = None,
 ) -> None:
-    """Draw displacement and velocity of gripper and points over time."""
+    """Draw displacement and velocity over time, of gripper and points."""
     from garment_dataset.view.curves import save_curves
     from garment_dataset.view.over_time import SINCE_FIRST, SINCE_ONSET, Quantity, Results
     from garment_dataset.workspace import Workspace

@@ -9,9 +9,11 @@ import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
+from garment_dataset.cli.fitting import shorten
 from garment_dataset.cli.output import say
 from garment_dataset.cli.pace import Pace
 from garment_dataset.cli.saying import QUALITY_STAGE
+from garment_dataset.cli.streams import legible
 from garment_dataset.engine.events import Ending
 
 if TYPE_CHECKING:
@@ -71,20 +73,22 @@ def _bar(pace: Pace) -> Iterator[tuple[Callable[[NodeId], None], Callable[[Event
     from rich.table import Table
     from rich.text import Text
 
+    # a console writes control letters of its own, and only those: all names and messages are made legible before
+    console = Console(file=sys.__stderr__)
     lock, began_s = threading.Lock(), time.monotonic()
 
     def drawn() -> Group:
         now_s = time.monotonic()
         with lock:
-            texts, done, total = at_work(pace, now_s), pace.ended, pace.total
+            texts, done, total = at_work(pace, now_s, console.width), pace.ended, pace.total
             left = time_left(pace, now_s)
         head = Table.grid(padding=(0, 2))
         head.add_row(
             ProgressBar(max(total, 1), done, width=24), f"{done}/{total}", f"{_clock(now_s - began_s)} so far", left
         )
-        return Group(head, *(Text(text, no_wrap=True, overflow="ellipsis") for text in texts))
+        return Group(head, *map(Text, texts))
 
-    with Live(console=Console(stderr=True), get_renderable=drawn, transient=True) as live:
+    with Live(console=console, get_renderable=drawn, transient=True) as live:
 
         def begin(node: NodeId) -> None:
             with lock:
@@ -94,21 +98,28 @@ def _bar(pace: Pace) -> Iterator[tuple[Callable[[NodeId], None], Callable[[Event
             with lock:
                 pace.end(event)
             if event.ending is Ending.FAILED or (event.ending is Ending.BUILT and event.notes):
-                live.console.print(line(event), markup=False, highlight=False)
+                text = "\n".join(legible(each, sys.stderr) for each in line(event).split("\n"))
+                live.console.print(text, markup=False, highlight=False)
 
         yield begin, tell
 
 
-def at_work(pace: Pace, now_s: float) -> list[str]:
-    """Return a line for each result that is being made: stage, recording, since when, and how fast the stage was."""
-    lines = []
-    for node, began_s in pace.running.items():
+def at_work(pace: Pace, now_s: float, width: int = 1000) -> list[str]:
+    """Return a line for each result that is being made: stage, recording, since when, and how fast the stage was.
+
+    Names are shortened to what fits a terminal's width, and stay different.
+    """
+    names, rests = [], []
+    for node, began_s in list(pace.running.items())[:_MOST_AT_WORK]:
         speed = pace.frames_per_s(node.stage)
         measured = "" if speed is None else f"  {speed:.1f} frames/s" if speed < _WHOLE else f"  {speed:.0f} frames/s"
         variant = f" ({node.variant})" if node.variant else ""
-        lines.append(f"  {node.stage} {node.subject}{variant}  {now_s - began_s:.0f} s{measured}")
-    more = len(lines) - _MOST_AT_WORK
-    return lines if more <= 0 else [*lines[:_MOST_AT_WORK], f"  and {more} more"]
+        names.append(legible(f"{node.stage} {node.subject}{variant}", sys.stderr))
+        rests.append(f"  {now_s - began_s:.0f} s{measured}")
+    room = width - 2 - max(map(len, rests), default=0)
+    lines = [f"  {name}{rest}" for name, rest in zip(shorten(names, room), rests, strict=True)]
+    more = len(pace.running) - _MOST_AT_WORK
+    return lines if more <= 0 else [*lines, f"  and {more} more"]
 
 
 def time_left(pace: Pace, now_s: float) -> str:

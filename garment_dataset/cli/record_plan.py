@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from garment_dataset.cli import completion
 from garment_dataset.cli.output import JsonOption, WorkspaceOption, print_json
 from garment_dataset.errors import printable
 
@@ -21,7 +22,12 @@ _WIDTH = 100
 
 def record_plan(
     recording: Annotated[
-        str, typer.Argument(metavar="NAME", help="A recording of the catalog, or an empty scene (camera_default_0).")
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="A recording of the catalog, or an empty scene (camera_default_0).",
+            autocompletion=completion.recordings_and_scenes,
+        ),
     ],
     workspace: WorkspaceOption = None,
     as_json: JsonOption = False,

@@ -25,7 +25,7 @@ def salvage(
     ] = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Write all messages that can be had of a damaged ROS 1 bag to a new, sound one; the bag itself is not touched."""
+    """Save the messages of a damaged ROS 1 bag that can be had, in a new, sound one; the bag itself is not touched."""
     from garment_dataset.bags.salvage import salvage as save
 
     report = save(bag, out)

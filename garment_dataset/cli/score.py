@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from garment_dataset.cli import completion
 from garment_dataset.cli.output import JsonOption, print_json, print_table
 
 if TYPE_CHECKING:
@@ -19,19 +20,12 @@ _POINT_COLUMNS = [
     "line",
     "point",
     "coverage [%]",
-    "3-D rms",
+    "quantity",
+    "rms",
     "median",
-    "95 % [mm]",
-    "z rms",
-    "median",
-    "95 % [mm]",
-    "vz rms",
-    "median",
-    "95 % [mm/s]",
-    "(error/std)² x",
-    "y",
-    "z",
-    "vz",
+    "95 %",
+    "unit",
+    "(error/std)²",
 ]
 _SILHOUETTE_COLUMNS = [
     "recording",
@@ -56,7 +50,12 @@ def score(
         Path, typer.Argument(exists=True, file_okay=False, help="Folder with *.truth folders.", metavar="TRUTH")
     ],
     variant: Annotated[
-        str, typer.Option("--variant", help="Which results; `default`: those without a name.")
+        str,
+        typer.Option(
+            "--variant",
+            help="Which results; `default`: those without a name.",
+            autocompletion=completion.variants,
+        ),
     ] = "default",
     as_json: JsonOption = False,
 ) -> None:
@@ -79,25 +78,32 @@ def score(
         )
         return
     if scores.points:
-        print_table(_POINT_COLUMNS, [_point_cells(row) for row in scores.points], title="Points")
+        cells = [each for row in scores.points for each in _point_cells(row)]
+        print_table(_POINT_COLUMNS, cells, title="Points", heads=("recording", "line"))
     if scores.silhouettes:
         print_table(_SILHOUETTE_COLUMNS, [_silhouette_cells(row) for row in scores.silhouettes], title="Silhouettes")
     if scores.tables:
-        print_table(_TABLE_COLUMNS, [_table_cells(row) for row in scores.tables], title="Other tables")
+        cells = [_table_cells(row) for row in scores.tables]
+        print_table(_TABLE_COLUMNS, cells, title="Other tables", heads=("recording", "table"))
 
 
-def _point_cells(row: PointScore) -> list[object]:
-    lengths = (row.rmse_m, row.median_m, row.p95_m, row.z_rmse_m, row.z_median_m, row.z_p95_m)
+def _point_cells(row: PointScore) -> list[list[object]]:
+    """Return a line for every quantity of which something is known."""
+    names = [row.recording, row.line, "all" if row.point is None else row.point, _number(row.coverage, 100, 1)]
+    distances = (row.rmse_m, row.median_m, row.p95_m)
+    depths = (row.z_rmse_m, row.z_median_m, row.z_p95_m)
     speeds = (row.vz_rmse_m_s, row.vz_median_m_s, row.vz_p95_m_s)
-    variances = (row.x_variance, row.y_variance, row.z_variance, row.vz_variance)
+    lines = [
+        ("3-D", distances, 2, "mm", None),
+        ("x", (None, None, None), 2, "mm", row.x_variance),
+        ("y", (None, None, None), 2, "mm", row.y_variance),
+        ("z", depths, 2, "mm", row.z_variance),
+        ("vz", speeds, 1, "mm/s", row.vz_variance),
+    ]
     return [
-        row.recording,
-        row.line,
-        "all" if row.point is None else row.point,
-        _number(row.coverage, 100, 1),
-        *(_number(value, 1000, 2) for value in lengths),
-        *(_number(value, 1000, 1) for value in speeds),
-        *(_number(value, 1, 2) for value in variances),
+        [*names, quantity, *(_number(value, 1000, digits) for value in values), unit, _number(variance, 1, 2)]
+        for quantity, values, digits, unit, variance in lines
+        if quantity == "3-D" or any(value is not None for value in (*values, variance))
     ]
 
 

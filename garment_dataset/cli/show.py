@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
+from garment_dataset.cli import completion
 from garment_dataset.cli.output import JsonOption, WorkspaceOption, print_json, say
 from garment_dataset.errors import UsageError
 
@@ -25,7 +26,10 @@ _PICTURES = (".png", ".svg", ".pdf")
 
 
 def show(
-    recording: Annotated[str, typer.Argument(metavar="NAME", help="Name of a recording, or its file.")],
+    recording: Annotated[
+        str,
+        typer.Argument(metavar="NAME", help="Name of a recording, or its file.", autocompletion=completion.recordings),
+    ],
     frame: Annotated[
         int | None, typer.Option("--frame", min=0, help="Draw this image, with what was found in it.")
     ] = None,

@@ -9,13 +9,19 @@ from typing import Annotated, Literal
 
 import typer
 
+from garment_dataset.cli import completion
 from garment_dataset.cli.output import WorkspaceOption, say
 
 
 def simulate(
     names: Annotated[
         list[str] | None,
-        typer.Argument(metavar="NAMES", help="Recordings or empty scenes (camera_default_0).", show_default=False),
+        typer.Argument(
+            metavar="NAMES",
+            help="Recordings or empty scenes (camera_default_0).",
+            show_default=False,
+            autocompletion=completion.recordings_and_scenes,
+        ),
     ] = None,
     set_name: Annotated[
         Literal["thesis", "demo"] | None, typer.Option("--set", help="All names of the thesis, or a few for a demo.")

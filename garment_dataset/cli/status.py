@@ -10,7 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from garment_dataset.cli.output import FiltersArgument, JsonOption, WorkspaceOption, print_json, print_table
+from garment_dataset.cli import completion
+from garment_dataset.cli.fitting import fits, name_lines, wrap
+from garment_dataset.cli.output import (
+    FiltersArgument,
+    JsonOption,
+    WorkspaceOption,
+    cells_of,
+    print_json,
+    print_table,
+    terminal_width,
+)
 from garment_dataset.cli.saying import (
     beside,
     count_recordings,
@@ -21,6 +31,7 @@ from garment_dataset.cli.saying import (
     say_partial,
     what_is_settled,
 )
+from garment_dataset.cli.streams import legible
 from garment_dataset.errors import StoreError, UsageError
 
 if TYPE_CHECKING:
@@ -35,7 +46,13 @@ if TYPE_CHECKING:
 _SHOWN = 20
 
 StageOption = Annotated[
-    list[str] | None, typer.Option("--stage", "-s", help="Only this stage and what feeds it; may be repeated.")
+    list[str] | None,
+    typer.Option(
+        "--stage",
+        "-s",
+        help="Only this stage and what feeds it; may be repeated.",
+        autocompletion=completion.stages,
+    ),
 ]
 
 
@@ -59,13 +76,18 @@ def status(
 
 def why(
     recording: Annotated[
-        str, typer.Argument(metavar="NAME", help="Name of a recording, a group of them, or position_1 and the like.")
+        str,
+        typer.Argument(
+            metavar="NAME",
+            help="Name of a recording, a group of them, or position_1 and the like.",
+            autocompletion=completion.recordings,
+        ),
     ],
-    stage: Annotated[str | None, typer.Argument(help="Only this stage.")] = None,
+    stage: Annotated[str | None, typer.Argument(help="Only this stage.", autocompletion=completion.stages)] = None,
     workspace: WorkspaceOption = None,
     as_json: JsonOption = False,
 ) -> None:
-    """Say, for every stage of one recording, what would be done with it and every reason, old -> new."""
+    """Say what would be done with every stage of one recording, and every reason, old -> new."""
     from garment_dataset.layout import Layout
     from garment_dataset.workspace.session import Session
 
@@ -217,12 +239,30 @@ def _print_matrix(decisions: list[Decision], session: Session) -> None:
         mark = "" if decision.certain else "?"
         variant = f" ({decision.node.variant})" if decision.node.variant else ""
         states.setdefault(decision.node.subject + variant, {})[decision.node.stage] = decision.state.value + mark
-    rows = [
-        [subject, *(by_stage.get(stage, "") for stage in stages)]
-        for subject, by_stage in states.items()
-        if set(by_stage.values()) != {"fresh"}
-    ]
-    print_table(["recording", *stages], rows)
+    open_states = {subject: found for subject, found in states.items() if set(found.values()) != {"fresh"}}
+    columns = ["recording", *stages]
+    rows = cells_of([subject, *(found.get(stage, "") for stage in stages)] for subject, found in open_states.items())
+    width = terminal_width()
+    if fits(columns, rows, width) or width is None:
+        print_table(columns, rows)
+    else:
+        _print_alike(open_states, width)
+
+
+def _print_alike(states: Mapping[str, Mapping[str, str]], width: int) -> None:
+    """Print, where the matrix is too wide, each row of it once, over the names of all that have it."""
+    alike: dict[str, list[str]] = {}
+    for subject, by_stage in states.items():
+        stages_in: dict[str, list[str]] = {}
+        for stage, state in by_stage.items():
+            stages_in.setdefault(state, []).append(stage)
+        text = "; ".join(f"{state} {', '.join(stages)}" for state, stages in stages_in.items())
+        alike.setdefault(text, []).append(legible(subject))
+    for text, subjects in alike.items():
+        print("\n".join(wrap(f"{len(subjects)} with {text}:", width)))
+        print("\n".join(name_lines(subjects[:_SHOWN], width)))
+        if len(subjects) > _SHOWN:
+            print(f"  ... and {len(subjects) - _SHOWN} more (`garment status | less` names them all)")
 
 
 def _print_reasons(decisions: list[Decision]) -> None:

@@ -12,6 +12,7 @@ from enum import StrEnum
 from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.facts import Reason, fact_reasons, input_digests, node_facts, node_key, notes_of
+from garment_dataset.engine.showing import counts_text, html_table
 from garment_dataset.engine.sources import SourceStat, stat_source
 from garment_dataset.engine.stage import NOTES
 
@@ -97,6 +98,25 @@ class Plan:
 
     def __getitem__(self, node_id: NodeId) -> Decision:
         return self._decisions[node_id]
+
+    def __repr__(self) -> str:
+        return f"<Plan of {len(self._decisions)} results: {counts_text(self.counts())}>"
+
+    def _repr_html_(self) -> str:
+        """Return how many results of each stage are in which state, and why."""
+        counts = self.counts()
+        found = Counter((decision.node.stage, decision.state) for decision in self)
+        states = [state for state in State if counts[state]]
+        rows = [
+            [stage, *(found[stage, state] for state in states)]
+            for stage in dict.fromkeys(decision.node.stage for decision in self)
+        ]
+        title = f"{len(self._decisions)} results: {counts_text(counts)}"
+        reasons = Counter((decision.node.stage, str(reason)) for decision in self for reason in decision.reasons)
+        why = [[count, *key] for key, count in reasons.items()]
+        parts = [html_table(["stage", *states], rows, title=title, more="stages")]
+        parts += [html_table(["results", "stage", "reason"], why, more="reasons")] if why else []
+        return "\n".join(parts)
 
     def counts(self) -> dict[State, int]:
         """Return how many nodes are in each state."""

@@ -53,7 +53,7 @@ class Correlation:
     next_point: FloatArray
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Motion:
     """The motion of one recording: T frames in the order of their time, the gripper as point 0 and r points.
 
@@ -129,6 +129,10 @@ class Motion:
     rest_noise_m: float
     moving_noise_m: float
     correlations: Mapping[str, Correlation]
+
+    def __repr__(self) -> str:
+        onset = f"onset {self.onset_stamp_ns} ns" if self.onset_reason is None else f"no onset: {self.onset_reason}"
+        return f"<Motion {self.recording}: {len(self.frame)} frames, gripper and {self.point_count} points, {onset}>"
 
     @property
     def point_count(self) -> int:

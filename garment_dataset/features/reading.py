@@ -187,6 +187,8 @@ def load_features(
     """
     import pyarrow.dataset as ds
 
+    from garment_dataset.features.frame import FeatureFrame
+
     dataset = open_features(table, folder=folder, variant=variant)
     condition, asked = None, {}
     for name, wanted in filters.items():
@@ -200,7 +202,7 @@ def load_features(
     found = dataset.to_table(filter=condition)
     if not found.num_rows:
         _refuse_unknown_words(dataset, asked, table)
-    frame = _to_frame(found)
+    frame = FeatureFrame(_to_frame(found))
     frame.attrs["units"] = {field.name: unit for field in found.schema if (unit := _metadata(field, b"unit"))}
     frame.attrs["descriptions"] = {
         field.name: text for field in found.schema if (text := _metadata(field, b"description"))

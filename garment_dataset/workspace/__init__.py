@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from garment_dataset.engine.showing import html_table, html_text
+from garment_dataset.errors import GarmentError, printable
 from garment_dataset.layout import Layout
 
 if TYPE_CHECKING:
@@ -14,9 +16,23 @@ if TYPE_CHECKING:
 __all__ = ["Workspace"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Workspace(Layout):
     """The folders of one data set, and what is done with them; see :class:`~garment_dataset.layout.Layout`."""
+
+    def __repr__(self) -> str:
+        return f"<Workspace {printable(str(self.root))}>"
+
+    def _repr_html_(self) -> str:
+        """Return its folders, and the catalog or what is wrong with it."""
+        names = ("catalog", "pipelines", "recordings", "features", "stages")
+        paths = {name: getattr(self, f"{name}_dir") for name in names}
+        rows = [[name, path, "yes" if path.is_dir() else "no"] for name, path in paths.items()]
+        folders = html_table(["folder", "path", "there"], rows, title=f"Workspace {self.root}")
+        try:
+            return folders + self.catalog()._repr_html_()
+        except GarmentError as error:
+            return f"{folders}<p>{html_text(error)}</p>"
 
     def catalog(self) -> Catalog:
         """Load the catalog, with the state of every recording in the recordings folder."""

@@ -12,6 +12,7 @@ import random
 import re
 import shutil
 import signal
+import sys
 import warnings
 from collections import Counter
 from dataclasses import dataclass
@@ -26,7 +27,7 @@ from garment_dataset.catalog.lint import lint
 from garment_dataset.cli import catalog as verbs
 from garment_dataset.cli import status
 from garment_dataset.cli.lint import lint_
-from garment_dataset.cli.output import take_any_text
+from garment_dataset.cli.streams import make_streams_safe
 from garment_dataset.errors import DataWarning, GarmentError
 from garment_dataset.layout import Layout
 from garment_dataset.workspace.known_stages import KnownStages
@@ -304,9 +305,10 @@ def as_a_terminal() -> Iterator[None]:
     """Let commands write as they do on a terminal in UTF-8, as ``main`` prepares it."""
     out = io.TextIOWrapper(io.BytesIO(), "utf-8", errors="strict")
     with contextlib.redirect_stdout(out), contextlib.redirect_stderr(out):
-        take_any_text()
+        make_streams_safe()
         yield
-        out.flush()
+        sys.stdout.flush()
+        sys.stderr.flush()
 
 
 def hold_to_law(root: Path, outcome: Outcome, calls: Callable[[str], bool] = lambda _: True) -> None:
