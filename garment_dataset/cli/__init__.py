@@ -68,7 +68,7 @@ def application(verb: str | None = None) -> typer.Typer:
         run = getattr(import_module(f"{__name__}.{module}"), function)
         app.command(name, short_help=_first_words(run.__doc__ or ""))(run)
     app.add_typer(new.app, name="new")
-    app.add_typer(export.app, name="export")
+    app.add_typer(export.app, name="export", short_help=export.SHORT)
     app.callback()(_options)
     return app
 

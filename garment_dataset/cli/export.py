@@ -17,6 +17,7 @@ from garment_dataset.cli.snapshot import snapshot
 from garment_dataset.cli.writing import refuse_file
 
 _USUAL = "snapshot"
+SHORT = "Write results for others: a snapshot, clouds, MCAP."
 _HELP = """Write results for others: `garment export OUT` a snapshot, or what one of the commands says.
 
 A snapshot into a folder that is called like a command: `garment export ./mcap`.
@@ -34,8 +35,8 @@ class _Forms(TyperGroup):
 
 
 app = typer.Typer(cls=_Forms, help=_HELP, no_args_is_help=True, rich_markup_mode=None)
-app.command(_USUAL)(snapshot)
-app.command("clouds")(clouds)
+app.command(_USUAL, short_help="Parquet for every reader, described, with sums and a data card.")(snapshot)
+app.command("clouds", short_help="Points of the garment frame by frame, its gripper, its mesh.")(clouds)
 
 
 @app.callback(help=_HELP)
@@ -43,7 +44,7 @@ def export() -> None:
     """Write results for others."""
 
 
-@app.command("mcap")
+@app.command("mcap", short_help="ROS 2 messages for Foxglove and the like.")
 def mcap(
     recording: Annotated[str, typer.Argument(metavar="NAME", help="Name of a recording, or its file.")],
     out: Annotated[Path, typer.Option("--out", help="The .mcap file; one that is there is replaced.")],
