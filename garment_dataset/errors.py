@@ -6,6 +6,9 @@ The form of their messages, and the errors of the engine itself, are in :mod:`ga
 from __future__ import annotations
 
 import difflib
+import os
+import reprlib
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from garment_dataset.engine.errors import (
@@ -49,6 +52,7 @@ __all__ = [
     "UntraceableCodeError",
     "UsageError",
     "WorkspaceError",
+    "as_path",
     "did_you_mean",
     "nearest_word",
     "one_of",
@@ -125,3 +129,16 @@ def one_of(known: Iterable[str]) -> str:
     if not words:
         return "nothing: there is none"
     return f"one of {', '.join(words)}" if len(words) <= _MAX_NAMED else f"one of the {len(words)} that there are"
+
+
+def as_path(given: Path | str) -> Path:
+    """Return a path that may be given as text.
+
+    Raises
+    ------
+    UsageError
+        If it is neither.
+    """
+    if not isinstance(given, str | os.PathLike):
+        raise UsageError("not a path", expected="a path, or text", found=reprlib.repr(given))
+    return Path(given)

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Literal
 
 from pydantic import BaseModel, ConfigDict, NonNegativeFloat, ValidationError
 
-from garment_dataset.errors import WorkspaceError
+from garment_dataset.errors import WorkspaceError, as_path
 from garment_dataset.files import first_fault, hint_of, read_toml
 
 if TYPE_CHECKING:
@@ -152,7 +152,7 @@ class Layout:
     snapshot: SnapshotSettings = _NOTHING_SAID
 
     @classmethod
-    def find(cls, path: Path | None = None) -> Self:
+    def find(cls, path: Path | str | None = None) -> Self:
         """Return the workspace at ``path``, or the nearest one at or above the current folder.
 
         Raises
@@ -161,6 +161,7 @@ class Layout:
             If there is none, or its garment.toml cannot be read.
         """
         if path is not None:
+            path = as_path(path)
             if not is_workspace(path):
                 raise WorkspaceError(
                     "not a workspace",
@@ -178,7 +179,7 @@ class Layout:
         return cls.at(root)
 
     @classmethod
-    def at(cls, root: Path) -> Self:
+    def at(cls, root: Path | str) -> Self:
         """Return the workspace whose root is known, wherever its garment.toml puts the folders.
 
         Raises
@@ -186,6 +187,7 @@ class Layout:
         WorkspaceError
             If its garment.toml cannot be read, or names a path that cannot be one.
         """
+        root = as_path(root)
         settings = _read_settings(root / SETTINGS)
         paths = settings.paths
         _refuse_paths(root, paths)
@@ -203,7 +205,7 @@ class Layout:
         )
 
     @classmethod
-    def create(cls, root: Path, *, empty: bool = False) -> Self:
+    def create(cls, root: Path | str, *, empty: bool = False) -> Self:
         """Write a new workspace with the thesis' catalog and pipelines.
 
         Parameters
@@ -218,6 +220,7 @@ class Layout:
         WorkspaceError
             If ``root`` already is one, as nothing is ever overwritten; or its name is no UTF-8.
         """
+        root = as_path(root)
         refuse_bytes("root", root.absolute(), root)
         if is_workspace(root):
             raise WorkspaceError("already a workspace", where=root, hint="Nothing was written.")

@@ -26,7 +26,7 @@ from garment_dataset.catalog.rows import (
 from garment_dataset.catalog.schemes import THESIS, Scheme, scheme_of
 from garment_dataset.catalog.showing import as_html, summary
 from garment_dataset.catalog.tables import Background, Garment, Holding, Recording, Tables, read_tables
-from garment_dataset.errors import CatalogError, DataWarning, FilterError, nearest_word, printable
+from garment_dataset.errors import CatalogError, DataWarning, FilterError, as_path, nearest_word, printable
 from garment_dataset.files import hint_of, read_text
 from garment_dataset.layout import Layout, nearest_catalog, workspace_above
 
@@ -85,12 +85,12 @@ class Catalog:
         return as_html(self.folder, self.rows, self.tables)
 
     @classmethod
-    def load(cls, folder: Path | None = None, *, strict: bool = True, scheme: Scheme = THESIS) -> Catalog:
+    def load(cls, folder: Path | str | None = None, *, strict: bool = True, scheme: Scheme = THESIS) -> Catalog:
         """Read the tables.
 
         Parameters
         ----------
-        folder : Path, optional
+        folder : Path or str, optional
             Folder with garments.csv, holdings.csv, recordings.csv and perhaps backgrounds.csv. By default that of the
             workspace at or above the current folder, else the thesis' own, which the package carries.
         strict : bool
@@ -108,6 +108,7 @@ class Catalog:
             folder = nearest_catalog(Path.cwd())
             root = workspace_above(Path.cwd())
             scheme = scheme if root is None else scheme_of(Layout.at(root))
+        folder = as_path(folder)
         tables = read_tables(folder, scheme)
         if strict:
             tables.check()
@@ -119,9 +120,9 @@ class Catalog:
         catalog = cls.load(layout.catalog_dir, strict=strict, scheme=scheme_of(layout))
         return catalog.with_folder(layout.recordings_dir)
 
-    def with_folder(self, recordings_dir: Path) -> Catalog:
+    def with_folder(self, recordings_dir: Path | str) -> Catalog:
         """Return this catalog with the state of every recording in a folder of bags."""
-        return dataclasses.replace(self, found=scan(recordings_dir, self.scheme))
+        return dataclasses.replace(self, found=scan(as_path(recordings_dir), self.scheme))
 
     @cached_property
     def rows(self) -> tuple[CatalogRow, ...]:

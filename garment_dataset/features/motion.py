@@ -189,15 +189,15 @@ class Motion:
         return covariance
 
 
-def load_motion(recording: str, folder: Path | None = None, variant: str = "") -> Motion:
+def load_motion(recording: str, folder: Path | str | None = None, variant: str = "") -> Motion:
     """Return the motion of one recording, from the tables ``kinematics``, ``motion``, ``correlations`` and ``gripper``.
 
     Parameters
     ----------
     recording : str
         Name of the recording.
-    folder : Path, optional
-        The features folder; by default that of the workspace at or above the current folder.
+    folder : Path or str, optional
+        The features folder, or a snapshot; by default that of the workspace at or above the current folder.
     variant : str
         Whose results; by default those of the pipelines without a variant.
 

@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import reprlib
 import warnings
-from collections.abc import Iterable
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.errors import DataWarning, FilterError, StoreError, did_you_mean, nearest_word, one_of
+from garment_dataset.errors import DataWarning, FilterError, StoreError, as_path, did_you_mean, one_of
+from garment_dataset.features.versions import whole_schema
+from garment_dataset.features.wanted import refuse_unknown_words, wanted_values
 from garment_dataset.layout import ORPHANS
 
 if TYPE_CHECKING:
@@ -21,10 +21,6 @@ if TYPE_CHECKING:
 
 PARTITIONS = ("garment", "holding")
 _VARIANT = "variant="
-_NAMES = frozenset({"recording", "garment", "holding", "group"})
-"""Columns whose words name something: what is asked for by name should be there."""
-_FIXED_WORDS = {"axis": ("R", "B"), "stream": ("color", "depth"), "verdict": ("look", "ok", "unusable")}
-"""Columns of few words, which are all known whether or not there are rows with them."""
 
 
 def variants_of(folder: Path) -> list[str]:
@@ -120,15 +116,15 @@ def declared_uncertainties(described: Mapping[str, Any]) -> dict[str, str | None
     return {column["name"]: column.get("uncertainty") for column in described.get("columns", ())}
 
 
-def open_features(table: str, *, folder: Path | None = None, variant: str = "") -> ds.Dataset:
+def open_features(table: str, *, folder: Path | str | None = None, variant: str = "") -> ds.Dataset:
     """Return all files of a table as one Arrow dataset, the partition keys, if it has any, as text columns.
 
     Parameters
     ----------
     table : str
         Name of the table, such as ``points``.
-    folder : Path, optional
-        The features folder; by default that of the workspace at or above the current folder.
+    folder : Path or str, optional
+        The features folder, or a snapshot; by default that of the workspace at or above the current folder.
     variant : str
         Whose results; by default those of the pipelines without a variant.
 
@@ -151,7 +147,7 @@ def open_features(table: str, *, folder: Path | None = None, variant: str = "") 
             hint=did_you_mean(table, built) or "`garment build` makes them.",
         )
     keys = [name for name in PARTITIONS if f"/{name}=" in files[0].removeprefix(str(root / table))]
-    schema = _full_schema(files[0], keys)
+    schema = _full_schema(files, table, keys)
     partitioning = ds.partitioning(pa.schema([(name, pa.string()) for name in keys]), flavor="hive")
     return ds.dataset(files, schema=schema, partitioning=partitioning, partition_base_dir=str(root / table))
 
@@ -159,7 +155,7 @@ def open_features(table: str, *, folder: Path | None = None, variant: str = "") 
 def load_features(
     table: str,
     *,
-    folder: Path | None = None,
+    folder: Path | str | None = None,
     variant: str = "",
     **filters: Any,  # noqa: ANN401
 ) -> pd.DataFrame:
@@ -169,8 +165,8 @@ def load_features(
     ----------
     table : str
         Name of the table, such as ``kinematics``.
-    folder : Path, optional
-        The features folder; by default that of the workspace at or above the current folder.
+    folder : Path or str, optional
+        The features folder, or a snapshot; by default that of the workspace at or above the current folder.
     variant : str
         Whose results; by default those of the pipelines without a variant.
     **filters : value or sequence of values
@@ -196,12 +192,12 @@ def load_features(
             names = dataset.schema.names
             hint = did_you_mean(name, names)
             raise FilterError(f"{name!r} is no column", where=table, expected=one_of(names), hint=hint)
-        values = asked[name] = _wanted_values(wanted, dataset.schema.field(name), table)
+        values = asked[name] = wanted_values(wanted, dataset.schema.field(name), table)
         term = ds.field(name).isin(values)
         condition = term if condition is None else condition & term
     found = dataset.to_table(filter=condition)
     if not found.num_rows:
-        _refuse_unknown_words(dataset, asked, table)
+        refuse_unknown_words(dataset, asked, table)
     frame = FeatureFrame(_to_frame(found))
     frame.attrs["units"] = {field.name: unit for field in found.schema if (unit := _metadata(field, b"unit"))}
     frame.attrs["descriptions"] = {
@@ -210,66 +206,7 @@ def load_features(
     return frame
 
 
-def _wanted_values(wanted: Any, field: pa.Field[Any], table: str) -> pa.Array[Any]:  # noqa: ANN401
-    """Return the values of a filter in the type of its column."""
-    import pyarrow as pa
-
-    where = f"{table}.{field.name}"
-    if not (
-        pa.types.is_primitive(field.type) or pa.types.is_string(field.type) or pa.types.is_large_string(field.type)
-    ):
-        raise FilterError("a column that is no filter", where=where, expected="text or a number", found=field.type)
-    if as_list := getattr(wanted, "tolist", None) or getattr(wanted, "to_pylist", None):
-        wanted = as_list()  # numpy and pandas, Arrow
-    is_one = isinstance(wanted, str | bytes) or not isinstance(wanted, Iterable)
-    values = [wanted] if is_one else list(wanted)
-    try:
-        array: pa.Array[Any] = pa.array(values, field.type, from_pandas=True)
-    except (pa.ArrowException, OverflowError) as error:
-        found = reprlib.repr(wanted if is_one else values)
-        raise FilterError("values of another type", where=where, expected=field.type, found=found) from error
-    # Arrow makes whole numbers of fractions, and numbers of flags, without a word
-    if odd := [value for value in values if _is_changed(value, field.type)]:
-        raise FilterError("values of another type", where=where, expected=field.type, found=reprlib.repr(odd))
-    return array
-
-
-def _refuse_unknown_words(dataset: ds.Dataset, asked: Mapping[str, pa.Array[Any]], table: str) -> None:
-    """Refuse a filter that finds nothing because no row can have its word, or because it names what is not there.
-
-    Of a column that is neither, a word is only refused that looks much like one which is there: there may be no row
-    with the verdict "look", but "unsable" is a typing error.
-    """
-    import pyarrow.compute as pc
-
-    for name, values in asked.items():
-        words = [value for value in values.to_pylist() if isinstance(value, str)]
-        if not words or len(words) < len(values):  # nothing is asked for, or what is not known as well
-            continue
-        known: list[Any] = pc.unique(dataset.to_table([name])[name]).drop_null().to_pylist()
-        if set(words) & {*_FIXED_WORDS.get(name, ()), *known}:
-            continue
-        known = sorted({*_FIXED_WORDS.get(name, ()), *known})
-        is_name = name in _FIXED_WORDS or name in _NAMES
-        if is_name or nearest_word(words[0], known, cutoff=0.8) is not None:
-            raise FilterError(
-                f"no such {name}",
-                where=table,
-                expected=one_of(known),
-                found=reprlib.repr(words[0] if len(words) == 1 else words),
-                hint=did_you_mean(words[0], known) or "`garment list` shows what there is, `garment build` makes more.",
-            )
-
-
-def _is_changed(value: object, wanted: pa.DataType) -> bool:
-    import pyarrow as pa
-
-    if isinstance(value, bool | bytes):
-        return not pa.types.is_boolean(wanted)
-    return isinstance(value, float) and pa.types.is_integer(wanted) and value == value and not value.is_integer()  # noqa: PLR0124 - NaN
-
-
-def result_params(table: str, recording: str, *, folder: Path | None = None, variant: str = "") -> dict[str, Any]:
+def result_params(table: str, recording: str, *, folder: Path | str | None = None, variant: str = "") -> dict[str, Any]:
     """Return the parameters that a recording's result was made with, defaults filled in.
 
     Raises
@@ -302,19 +239,21 @@ def _to_frame(table: pa.Table) -> pd.DataFrame:
     return frame
 
 
-def _features_folder(folder: Path | None) -> Path:
+def _features_folder(folder: Path | str | None) -> Path:
     if folder is not None:
+        folder = as_path(folder)
+        if not folder.is_dir():
+            raise StoreError("no such folder", where=folder, expected="a features folder, or a snapshot")
         return folder
     from garment_dataset.layout import Layout
 
     return Layout.find().features_dir
 
 
-def _full_schema(file: str, partitions: Sequence[str]) -> pa.Schema:
+def _full_schema(files: Sequence[str], table: str, partitions: Sequence[str]) -> pa.Schema:
     import pyarrow as pa
-    import pyarrow.parquet as pq
 
-    own = pq.read_schema(file)
+    own = whole_schema(files, table)
     keys = [pa.field(name, pa.string(), metadata={"description": f"{name}, from the path"}) for name in partitions]
     return pa.schema([*own, *(key for key in keys if key.name not in own.names)])
 

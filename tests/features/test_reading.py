@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from typing import TYPE_CHECKING, Any
+import shutil
+from pathlib import Path
+from typing import Any
 
 import duckdb
 import pandas as pd
@@ -14,13 +16,11 @@ import pyarrow.parquet as pq
 import pytest
 
 from garment_dataset import load_features, open_features
-from garment_dataset.errors import FilterError, StoreError
+from garment_dataset.catalog import Catalog
+from garment_dataset.errors import DataWarning, FilterError, StoreError, UsageError
 from garment_dataset.features.reading import result_params, table_description
 from garment_dataset.workspace import Workspace
 from tests.conftest import RECORDINGS
-
-if TYPE_CHECKING:
-    from pathlib import Path
 
 TABLES = ["frames", "camera", "gripper", "joints", "chains", "points", "kinematics"]
 
@@ -197,3 +197,71 @@ def test_a_hanging_sheet_is_found_where_it_is(features: Path) -> None:
     assert below == pytest.approx([0.05, 0.15, 0.25, 0.35, 0.45], abs=pitch_m + 0.0025)
     assert at_rest["z_m"].to_numpy() == pytest.approx(1.065, abs=0.0006)  # whole millimetres
     assert points["reason"].isna().all()
+
+
+def test_paths_may_be_text_and_else_are_refused_in_one_line(features: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    root = features.parent
+    expected = len(load_features("points", folder=features))
+    assert len(load_features("points", folder=str(features))) == expected
+    monkeypatch.chdir(root)
+    assert len(load_features("points", folder="features")) == expected
+    assert Workspace.find(".").root == Workspace.find(root).root == Workspace.find(str(root)).root
+    rows = Catalog.load("catalog").with_folder("recordings").rows
+    assert [row.state for row in rows] == [row.state for row in Workspace.at(root).catalog().rows]
+    for ask in (
+        lambda: load_features("points", folder=3),  # type: ignore[arg-type]
+        lambda: Workspace.find(3),  # type: ignore[arg-type]
+        lambda: Workspace.at([root]),  # type: ignore[arg-type]
+        lambda: Catalog.load(b"catalog"),  # type: ignore[arg-type]
+    ):
+        with pytest.raises(UsageError, match=r"^not a path: expected a path, or text, found "):
+            ask()
+    with pytest.raises(StoreError, match="nowhere: no such folder: expected a features folder, or a snapshot"):
+        load_features("points", folder="nowhere")
+
+
+@pytest.fixture
+def older(features: Path, tmp_path: Path) -> Path:
+    """Results of which one file is of an older version: without a column, with one that is no more."""
+    folder = Path(shutil.copytree(features, tmp_path / "features"))
+    path = next((folder / "points").rglob(f"{RECORDINGS[0]}.parquet"))
+    table = pq.read_table(path, partitioning=None)
+    metadata = {**(table.schema.metadata or {}), b"version": b"1"}
+    table = table.drop_columns(["z_std_m"]).append_column("old", pa.array(range(len(table))))
+    path.unlink()
+    pq.write_table(table.replace_schema_metadata(metadata), path)
+    return folder
+
+
+def test_files_of_several_versions_are_read_as_one_and_named(older: Path) -> None:
+    with pytest.warns(
+        DataWarning, match=rf"points has results of several versions: 1 of version 1 \({RECORDINGS[0]}\); 2 of"
+    ):
+        frame = load_features("points", folder=older)
+    is_old = frame["recording"] == RECORDINGS[0]
+    assert len(frame) == 3 * 24 * 5
+    assert frame.loc[is_old, "z_std_m"].isna().all()
+    assert frame.loc[~is_old, "z_std_m"].notna().any()
+    assert frame.loc[is_old, "old"].tolist() == list(range(24 * 5))
+    assert frame.loc[~is_old, "old"].isna().all()
+    assert frame.attrs["units"]["z_std_m"] == "m"
+
+
+def test_a_column_of_two_types_is_one_line(older: Path) -> None:
+    path = next((older / "points").rglob(f"{RECORDINGS[0]}.parquet"))
+    table = pq.read_table(path, partitioning=None)
+    position = table.column_names.index("point")
+    path.unlink()
+    pq.write_table(table.set_column(position, "point", table["point"].cast(pa.string())), path)
+    with pytest.raises(StoreError, match=r"column point: a column of another type: expected int32, as in other files"):
+        load_features("points", folder=older)
+
+
+def test_a_file_that_is_none_is_one_line(older: Path) -> None:
+    path = next((older / "points").rglob(f"{RECORDINGS[1]}.parquet"))
+    path.chmod(0o644)
+    path.write_bytes(b"PAR1")
+    with pytest.raises(
+        StoreError, match=rf"{RECORDINGS[1]}.parquet: not a Parquet file: .*`garment verify` finds more"
+    ):
+        load_features("points", folder=older)
