@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -15,8 +19,6 @@ from garment_dataset.viewers.rerun_layout import blueprint
 from garment_dataset.viewers.rerun_series import log_series
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import rerun as rr
 
     from garment_dataset.arrays import DepthImage
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
 
 TIME = "time"
 """Timeline: seconds since the first usable image of the recording."""
+
+VIEWER = (sys.executable, "-c", "import sys; from rerun_cli.__main__ import main; sys.exit(main())")
+"""The command of the viewer that comes with Rerun, wherever that is installed: it need not be on the PATH."""
 
 _TWO_STDS = 2.0
 _AXIS_M = 0.08
@@ -80,7 +85,9 @@ def save_rrd(content: Content, path: Path) -> None:
 
 
 def open_viewer(content: Content) -> None:
-    """Open Rerun's viewer and send it a recording.
+    """Show a recording in Rerun's viewer; return when that is closed.
+
+    The viewer reads a file that is gone afterwards: a stream to a viewer that does not start would wait for ever.
 
     Parameters
     ----------
@@ -92,18 +99,18 @@ def open_viewer(content: Content) -> None:
     MissingExtraError
         If Rerun is not installed.
     UsageError
-        If the viewer cannot be started.
+        If the viewer does not start.
     BagError
         If the bag cannot be read.
     """
-    import_rerun()
-    stream = _new_stream(content)
-    try:
-        stream.spawn(default_blueprint=blueprint(content, TIME))
-    except RuntimeError as error:
-        raise UsageError("the viewer does not start", found=error, hint="--save FILE.rrd needs no screen.") from error
-    _Log(stream, content).all()
-    stream.flush()
+    with TemporaryDirectory(prefix="garment-view-") as folder:
+        path = Path(folder) / f"{content.recording}.rrd"
+        save_rrd(content, path)
+        command = [*VIEWER, "--bind", "127.0.0.1", str(path)]  # by default it would listen on the network
+        done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - Rerun's own
+    if done.returncode:
+        found = next(iter(done.stderr.splitlines()[-1:]), f"exit code {done.returncode}")
+        raise UsageError("the viewer does not start", found=found, hint="--save FILE.rrd needs no screen.")
 
 
 def _new_stream(content: Content) -> rr.RecordingStream:
@@ -236,7 +243,7 @@ class _Log:
         self._log_gripper(root, "color", frame.gripper)
 
     def _log_mask(self, path: str, mask_png: bytes | None) -> None:
-        """Log the silhouette over the image: what is not garment is darkened."""
+        """Log the silhouette over the image: the garment is lighter, the rest darker."""
         import rerun as rr
 
         if mask_png is None:
