@@ -15,7 +15,7 @@ from garment_dataset.files import whole_file
 from garment_dataset.viewers import colors
 from garment_dataset.viewers.encoding import color_jpeg, depth_png
 from garment_dataset.viewers.frames import DepthFrame, Frames
-from garment_dataset.viewers.rerun_layout import blueprint
+from garment_dataset.viewers.rerun_layout import blueprint, root_of
 from garment_dataset.viewers.rerun_series import log_series
 
 if TYPE_CHECKING:
@@ -130,7 +130,7 @@ class _Log:
     def __init__(self, stream: rr.RecordingStream, content: Content) -> None:
         self._stream, self._content = stream, content
         self._range_mm = _range_mm(content)
-        self._camera = {name: camera.frame_id for name, camera in content.cameras.items()}
+        self._camera = {name: root_of(camera) for name, camera in content.cameras.items()}
 
     def all(self) -> None:
         """Send what holds all along, then the series, then frame after frame."""
@@ -153,12 +153,13 @@ class _Log:
         import rerun as rr
 
         for stream, camera in self._content.cameras.items():
-            self._send(camera.frame_id, rr.ViewCoordinates.RDF, static=True)
+            root = self._camera[stream]
+            self._send(root, rr.ViewCoordinates.RDF, static=True)
             between = self._content.other_in_main
-            if stream != self._content.main and between is not None:
+            if between is not None and root != self._camera[self._content.main]:
                 turn = rr.Quaternion(xyzw=between.quaternion_xyzw.tolist())
                 place = rr.Transform3D(translation=between.translation, quaternion=turn)
-                self._send(camera.frame_id, place, static=True)
+                self._send(root, place, static=True)
             k = camera.intrinsics
             rows = [[k.fx_px, 0.0, k.cx_px + _CENTRE_PX], [0.0, k.fy_px, k.cy_px + _CENTRE_PX], [0.0, 0.0, 1.0]]
             pinhole = rr.Pinhole(
@@ -167,7 +168,7 @@ class _Log:
                 camera_xyz=rr.ViewCoordinates.RDF,
                 image_plane_distance=0.3,
             )
-            self._send(f"{camera.frame_id}/{stream}_image", pinhole, static=True)
+            self._send(f"{root}/{stream}_image", pinhole, static=True)
 
     def _log_depth(self, frame: DepthFrame) -> None:
         import rerun as rr

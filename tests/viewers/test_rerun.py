@@ -163,6 +163,16 @@ def test_the_gripper_has_a_frame_where_it_is_known_how_it_is_turned(turning_cont
     np.testing.assert_allclose(read.static[COLOR]["Transform3D:translation"][0], [0.025, 0, 0], atol=1e-9)
 
 
+def test_names_of_frames_may_be_odd_and_alike(odd_content: Content, tmp_path: Path) -> None:
+    save_rrd(odd_content, tmp_path / "odd.rrd")
+    read = Read(tmp_path / "odd.rrd")
+    (root,) = (name.removesuffix("/points_m") for name in read.rows if name.endswith("/points_m"))
+    assert root.replace("\\", "") == "/rig/cam (1) optical"
+    assert root.count("/") == 2
+    assert len(read.rows[f"{root}/color_image/rgb"]) == len(read.rows[f"{root}/depth_image/depth_mm"]) == FRAMES
+    assert "Transform3D:translation" not in read.static[root]  # it is not beside itself
+
+
 def test_without_the_bag_there_are_features_only(shown: Workspace, tmp_path: Path) -> None:
     row = shown.catalog().row(DEPTH_NAME)
     content = gather(shown, dataclasses.replace(row, path=None))
