@@ -71,17 +71,23 @@ def save_rrd(content: Content, path: Path) -> None:
     ------
     MissingExtraError
         If Rerun is not installed.
+    OSError
+        If it cannot be written.
     BagError
         If the bag cannot be read.
     """
     import_rerun()
+    import rerun as rr
+
+    stream = _new_stream(content)
+    # Rerun's own writer may wait for ever when a disk is full: its bytes are kept, compressed, and written here
+    kept = rr.binary_stream(stream)
+    stream.send_blueprint(blueprint(content, TIME), make_active=False, make_default=True)
+    _Log(stream, content).all()
+    data = kept.read()
+    stream.disconnect()
     with whole_file(path) as part:
-        stream = _new_stream(content)
-        try:
-            stream.save(part, default_blueprint=blueprint(content, TIME))
-            _Log(stream, content).all()
-        finally:
-            stream.disconnect()  # ends the file
+        part.write_bytes(data or b"")
 
 
 def open_viewer(content: Content) -> None:
