@@ -119,7 +119,7 @@ def whole_file(path: Path) -> Iterator[Path]:
     Raises
     ------
     OSError
-        If it cannot be written there.
+        If it cannot be written there; it names the file.
     """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
     try:
@@ -127,6 +127,10 @@ def whole_file(path: Path) -> Iterator[Path]:
         with part.open("rb") as file:
             os.fsync(file.fileno())
         part.replace(path)
+    except OSError as error:
+        if error.filename is None:  # a full disk says only that it is full
+            error.filename = str(path)
+        raise
     finally:
         with contextlib.suppress(OSError):
             part.unlink()

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from garment_dataset.catalog import Catalog
 from garment_dataset.errors import CatalogError, PipelineError, WorkspaceError
-from garment_dataset.files import EncodingError, hint_of, read_text, read_toml
+from garment_dataset.files import EncodingError, hint_of, read_text, read_toml, whole_file
 from garment_dataset.workspace import Workspace
 from garment_dataset.workspace.pipelines import read_pipeline
 
@@ -79,3 +79,29 @@ def test_every_reader_hands_the_hint_on(tmp_path: Path) -> None:
     (place.root / "garment.toml").write_bytes(TEXT.encode("utf-16"))
     with pytest.raises(WorkspaceError, match=r"UTF-16: .*Save it as UTF-8"):
         Workspace.find(place.root)
+
+
+def test_a_whole_file_takes_the_place_of_what_was_there(tmp_path: Path) -> None:
+    path = tmp_path / "out.bin"
+    path.write_bytes(b"before")
+    with whole_file(path) as part:
+        part.write_bytes(b"after")
+        assert path.read_bytes() == b"before"
+    assert [each.read_bytes() for each in tmp_path.iterdir()] == [b"after"]
+
+
+@pytest.mark.parametrize("failure", [ValueError("bad"), KeyboardInterrupt(), OSError(28, "No space left on device")])
+def test_half_a_file_is_none(tmp_path: Path, failure: BaseException) -> None:
+    path = tmp_path / "out.bin"
+    path.write_bytes(b"before")
+
+    def fail() -> None:
+        with whole_file(path) as part:
+            part.write_bytes(b"half")
+            raise failure
+
+    with pytest.raises(type(failure)) as caught:
+        fail()
+    assert [each.read_bytes() for each in tmp_path.iterdir()] == [b"before"]
+    if isinstance(caught.value, OSError):
+        assert caught.value.filename == str(path)

@@ -266,7 +266,9 @@ def _between(
 
 
 def _left_out(row: CatalogRow, tables: dict[str, pd.DataFrame], *, is_rig_known: bool) -> list[str]:
-    lines = []
+    usable = tables["frames"][tables["frames"]["fault"].isna()]
+    blind = sorted({*usable["stream"]} - {*tables["camera"]["stream"]})
+    lines = [f"left out, as nothing is known of their camera: {name} images; `garment show` says why" for name in blind]
     if row.path is None:
         lines.append(f"left out, as the bag of {row.recording} is missing: images and cloud; put it into recordings/")
     elif not is_rig_known:

@@ -135,8 +135,8 @@ class _Export:
         if content.gravity is not None:
             links.append((LEVEL, frame, np.zeros(3), level_quaternion_xyzw(content.gravity)))
         if (between := content.other_in_main) is not None:
-            (other,) = (camera.frame_id for stream, camera in content.cameras.items() if stream != content.main)
-            links.append((frame, other, between.translation, between.quaternion_xyzw))
+            others = {camera.frame_id for camera in content.cameras.values()} - {frame}
+            links += [(frame, other, between.translation, between.quaternion_xyzw) for other in others]
         for parent, child, place_m, turn in links:
             message = self._ros.transform(stamp_ns, parent, child, place_m.tolist(), turn.tolist())
             self._write("/tf_static", "tf2_msgs/msg/TFMessage", stamp_ns, message)

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     import rerun.blueprint as rrb
 
-    from garment_dataset.viewers.content import Content
+    from garment_dataset.viewers.content import Content, ShownCamera
 
 _MIDDLE_FROM_GRIPPER_M = np.array([0.0, 0.3, 0.0])
 _EYE_FROM_TARGET_M = np.array([0.8, -0.3, -0.9])
@@ -39,23 +39,30 @@ def blueprint(content: Content, timeline: str) -> rrb.Blueprint:
     )
 
 
+def root_of(camera: ShownCamera) -> str:
+    """Return the entity of a camera's optical frame; a name may have any letters in it."""
+    import rerun as rr
+
+    return rr.escape_entity_path_part(camera.frame_id)
+
+
 def _views(content: Content) -> list[Any]:
     """Return a view of space, if there is depth, and one for every stream that has images."""
     import rerun.blueprint as rrb
 
     views: list[Any] = []
     if "depth" in content.cameras:
-        root = content.cameras["depth"].frame_id
+        root = root_of(content.cameras["depth"])
         inside = [f"+ /{root}/**", f"- /{root}/depth_image/depth_mm", f"- /{root}/color_image/**"]
-        eye = _eye(content)
-        views.append(rrb.Spatial3DView(origin=f"/{root}", contents=inside, name=f"{root} [m]", eye_controls=eye))
+        eye, name = _eye(content), f"{content.cameras['depth'].frame_id} [m]"
+        views.append(rrb.Spatial3DView(origin=f"/{root}", contents=inside, name=name, eye_controls=eye))
     for stream, camera in content.cameras.items():
         inside = ["+ $origin/**", "- $origin/garment_mm"]
         if "depth" in content.cameras and (stream == "depth" or content.other_in_main is not None):
-            root = content.cameras["depth"].frame_id
+            root = root_of(content.cameras["depth"])
             inside += [f"+ /{root}/{name}" for name in ("chain_m", "points_m", "tracks_m")]
         name = f"{stream} [{'mm' if stream == 'depth' else 'px'}], {camera.frame_id}"
-        origin = f"/{camera.frame_id}/{stream}_image"
+        origin = f"/{root_of(camera)}/{stream}_image"
         views.append(rrb.Spatial2DView(origin=origin, contents=inside, name=name))
     return views
 

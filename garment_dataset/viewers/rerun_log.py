@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import subprocess
+import sys
+from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -11,12 +15,10 @@ from garment_dataset.files import whole_file
 from garment_dataset.viewers import colors
 from garment_dataset.viewers.encoding import color_jpeg, depth_png
 from garment_dataset.viewers.frames import DepthFrame, Frames
-from garment_dataset.viewers.rerun_layout import blueprint
+from garment_dataset.viewers.rerun_layout import blueprint, root_of
 from garment_dataset.viewers.rerun_series import log_series
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     import rerun as rr
 
     from garment_dataset.arrays import DepthImage
@@ -25,6 +27,9 @@ if TYPE_CHECKING:
 
 TIME = "time"
 """Timeline: seconds since the first usable image of the recording."""
+
+VIEWER = (sys.executable, "-c", "import sys; from rerun_cli.__main__ import main; sys.exit(main())")
+"""The command of the viewer that comes with Rerun, wherever that is installed: it need not be on the PATH."""
 
 _TWO_STDS = 2.0
 _AXIS_M = 0.08
@@ -66,21 +71,29 @@ def save_rrd(content: Content, path: Path) -> None:
     ------
     MissingExtraError
         If Rerun is not installed.
+    OSError
+        If it cannot be written.
     BagError
         If the bag cannot be read.
     """
     import_rerun()
+    import rerun as rr
+
+    stream = _new_stream(content)
+    # Rerun's own writer may wait for ever when a disk is full: its bytes are kept, compressed, and written here
+    kept = rr.binary_stream(stream)
+    stream.send_blueprint(blueprint(content, TIME), make_active=False, make_default=True)
+    _Log(stream, content).all()
+    data = kept.read()
+    stream.disconnect()
     with whole_file(path) as part:
-        stream = _new_stream(content)
-        try:
-            stream.save(part, default_blueprint=blueprint(content, TIME))
-            _Log(stream, content).all()
-        finally:
-            stream.disconnect()  # ends the file
+        part.write_bytes(data or b"")
 
 
 def open_viewer(content: Content) -> None:
-    """Open Rerun's viewer and send it a recording.
+    """Show a recording in Rerun's viewer; return when that is closed.
+
+    The viewer reads a file that is gone afterwards: a stream to a viewer that does not start would wait for ever.
 
     Parameters
     ----------
@@ -92,18 +105,18 @@ def open_viewer(content: Content) -> None:
     MissingExtraError
         If Rerun is not installed.
     UsageError
-        If the viewer cannot be started.
+        If the viewer does not start.
     BagError
         If the bag cannot be read.
     """
-    import_rerun()
-    stream = _new_stream(content)
-    try:
-        stream.spawn(default_blueprint=blueprint(content, TIME))
-    except RuntimeError as error:
-        raise UsageError("the viewer does not start", found=error, hint="--save FILE.rrd needs no screen.") from error
-    _Log(stream, content).all()
-    stream.flush()
+    with TemporaryDirectory(prefix="garment-view-") as folder:
+        path = Path(folder) / f"{content.recording}.rrd"
+        save_rrd(content, path)
+        command = [*VIEWER, "--bind", "127.0.0.1", str(path)]  # by default it would listen on the network
+        done = subprocess.run(command, capture_output=True, text=True, check=False)  # noqa: S603 - Rerun's own
+    if done.returncode:
+        found = next(iter(done.stderr.splitlines()[-1:]), f"exit code {done.returncode}")
+        raise UsageError("the viewer does not start", found=found, hint="--save FILE.rrd needs no screen.")
 
 
 def _new_stream(content: Content) -> rr.RecordingStream:
@@ -123,7 +136,7 @@ class _Log:
     def __init__(self, stream: rr.RecordingStream, content: Content) -> None:
         self._stream, self._content = stream, content
         self._range_mm = _range_mm(content)
-        self._camera = {name: camera.frame_id for name, camera in content.cameras.items()}
+        self._camera = {name: root_of(camera) for name, camera in content.cameras.items()}
 
     def all(self) -> None:
         """Send what holds all along, then the series, then frame after frame."""
@@ -146,12 +159,13 @@ class _Log:
         import rerun as rr
 
         for stream, camera in self._content.cameras.items():
-            self._send(camera.frame_id, rr.ViewCoordinates.RDF, static=True)
+            root = self._camera[stream]
+            self._send(root, rr.ViewCoordinates.RDF, static=True)
             between = self._content.other_in_main
-            if stream != self._content.main and between is not None:
+            if between is not None and root != self._camera[self._content.main]:
                 turn = rr.Quaternion(xyzw=between.quaternion_xyzw.tolist())
                 place = rr.Transform3D(translation=between.translation, quaternion=turn)
-                self._send(camera.frame_id, place, static=True)
+                self._send(root, place, static=True)
             k = camera.intrinsics
             rows = [[k.fx_px, 0.0, k.cx_px + _CENTRE_PX], [0.0, k.fy_px, k.cy_px + _CENTRE_PX], [0.0, 0.0, 1.0]]
             pinhole = rr.Pinhole(
@@ -160,7 +174,7 @@ class _Log:
                 camera_xyz=rr.ViewCoordinates.RDF,
                 image_plane_distance=0.3,
             )
-            self._send(f"{camera.frame_id}/{stream}_image", pinhole, static=True)
+            self._send(f"{root}/{stream}_image", pinhole, static=True)
 
     def _log_depth(self, frame: DepthFrame) -> None:
         import rerun as rr
@@ -236,7 +250,7 @@ class _Log:
         self._log_gripper(root, "color", frame.gripper)
 
     def _log_mask(self, path: str, mask_png: bytes | None) -> None:
-        """Log the silhouette over the image: what is not garment is darkened."""
+        """Log the silhouette over the image: the garment is lighter, the rest darker."""
         import rerun as rr
 
         if mask_png is None:

@@ -34,6 +34,8 @@ def log_series(stream: rr.RecordingStream, content: Content, timeline: str) -> N
     timeline : str
         Of seconds since its start; the other one is that of the main stream's images.
     """
+    import rerun as rr
+
     series = _Series(stream, content, timeline)
     if "kinematics" in content.tables:
         for number, rows in content.tables["kinematics"].groupby("point"):
@@ -45,7 +47,8 @@ def log_series(stream: rr.RecordingStream, content: Content, timeline: str) -> N
     if "joints" in content.tables:
         for joint, rows in content.tables["joints"].groupby("joint"):
             name = str(joint)
-            series.send(f"joints_rad/{name}", _stamps(rows, "stamp_ns"), _values(rows, "position_rad"), [name], None)
+            path = f"joints_rad/{rr.escape_entity_path_part(name)}"
+            series.send(path, _stamps(rows, "stamp_ns"), _values(rows, "position_rad"), [name], None)
 
 
 class _Series:

@@ -98,3 +98,20 @@ def test_without_its_extra_it_is_one_line(built: Path, tmp_path: Path, verb: str
     )
     assert (done.returncode, done.stderr) == (2, f"garment: {said}\n")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="limits the size of files as Linux does")
+@pytest.mark.parametrize("words", [("view", "--save", "a.rrd"), ("export", "mcap", "--out", "a.mcap")])
+def test_a_full_disk_leaves_nothing_and_is_said(built: Path, tmp_path: Path, words: tuple[str, ...]) -> None:
+    pytest.importorskip(EXTRAS[words[0]][0], reason="needs its extra")
+    *verb, option, name = words
+    limited = (
+        "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (20_000, 20_000));"
+        "from garment_dataset.cli import main; main()"
+    )
+    command = [sys.executable, "-c", limited, *verb, NAME, option, str(tmp_path / name)]
+    done = subprocess.run(command, cwd=built, capture_output=True, text=True, check=False, timeout=60)
+    assert done.returncode == 1, done.stderr
+    assert f"garment: {tmp_path / name}: " in done.stderr.splitlines()[-1]
+    assert "Traceback" not in done.stderr
+    assert not list(tmp_path.iterdir())

@@ -63,3 +63,13 @@ def tracked_content(depth_content: Content) -> Content:
     """The same with tracks, a centimetre beside the points."""
     tracks = depth_content.tables["points"].assign(x_m=depth_content.tables["points"]["x_m"] + 0.01)
     return dataclasses.replace(depth_content, tables={**depth_content.tables, "tracks": tracks})
+
+
+@pytest.fixture(scope="session")
+def odd_content(turning_content: Content) -> Content:
+    """The same with one frame of an odd name for both cameras: depth that is registered to colour."""
+    cameras = {
+        stream: dataclasses.replace(camera, frame_id="rig/cam (1) optical")
+        for stream, camera in turning_content.cameras.items()
+    }
+    return dataclasses.replace(turning_content, cameras=cameras)

@@ -213,6 +213,12 @@ def test_transforms_lead_from_level_to_both_cameras_and_the_gripper(turning_cont
     np.testing.assert_array_equal([(q.x, q.y, q.z, q.w) for q in turns], gripper[["qx", "qy", "qz", "qw"]])
 
 
+def test_a_frame_is_not_its_own_parent(odd_content: Content, tmp_path: Path) -> None:
+    save_mcap(odd_content, tmp_path / "odd.mcap")
+    links = [each for message in Read(tmp_path / "odd.mcap").of("/tf_static") for each in message.transforms]
+    assert [(each.header.frame_id, each.child_frame_id) for each in links] == [("level", "rig/cam (1) optical")]
+
+
 def test_the_camera_is_that_of_the_images(depth_read: Read) -> None:
     info = depth_read.of("/xtion1/depth/camera_info")[0]
     assert list(info.k) == [FOCAL_PX, 0, WIDTH_PX / 2, 0, FOCAL_PX, HEIGHT_PX / 2, 0, 0, 1]

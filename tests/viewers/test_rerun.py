@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import sys
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import cv2
@@ -10,15 +12,15 @@ import numpy as np
 import pytest
 
 from garment_dataset.bags import open_bag
+from garment_dataset.errors import UsageError
 from garment_dataset.features.reading import load_features
+from garment_dataset.viewers import rerun_log
 from garment_dataset.viewers.content import gather
 from garment_dataset.viewers.rerun_log import save_rrd
 from tests.conftest import START_NS
 from tests.viewers.conftest import COLOR_NAME, DEPTH_NAME, FRAMES
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from garment_dataset.viewers.content import Content
     from garment_dataset.workspace import Workspace
 
@@ -161,6 +163,16 @@ def test_the_gripper_has_a_frame_where_it_is_known_how_it_is_turned(turning_cont
     np.testing.assert_allclose(read.static[COLOR]["Transform3D:translation"][0], [0.025, 0, 0], atol=1e-9)
 
 
+def test_names_of_frames_may_be_odd_and_alike(odd_content: Content, tmp_path: Path) -> None:
+    save_rrd(odd_content, tmp_path / "odd.rrd")
+    read = Read(tmp_path / "odd.rrd")
+    (root,) = (name.removesuffix("/points_m") for name in read.rows if name.endswith("/points_m"))
+    assert root.replace("\\", "") == "/rig/cam (1) optical"
+    assert root.count("/") == 2
+    assert len(read.rows[f"{root}/color_image/rgb"]) == len(read.rows[f"{root}/depth_image/depth_mm"]) == FRAMES
+    assert "Transform3D:translation" not in read.static[root]  # it is not beside itself
+
+
 def test_without_the_bag_there_are_features_only(shown: Workspace, tmp_path: Path) -> None:
     row = shown.catalog().row(DEPTH_NAME)
     content = gather(shown, dataclasses.replace(row, path=None))
@@ -169,6 +181,26 @@ def test_without_the_bag_there_are_features_only(shown: Workspace, tmp_path: Pat
     read = Read(tmp_path / "features.rrd")
     assert len(read.rows[f"{DEPTH}/points_m"]) == FRAMES
     assert not any("depth_mm" in name or "rgb" in name.rpartition("/")[2] for name in read.rows)
+
+
+def test_the_viewer_is_given_a_whole_file_that_is_gone_when_it_closes(
+    depth_content: Content, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copy = (
+        f"import shutil, sys; shutil.copy(sys.argv[-1], {str(tmp_path)!r}); "
+        f"open({str(tmp_path / 'where')!r}, 'w').write(sys.argv[-1])"
+    )
+    monkeypatch.setattr(rerun_log, "VIEWER", (sys.executable, "-c", copy))
+    rerun_log.open_viewer(depth_content)
+    assert len(Read(tmp_path / f"{DEPTH_NAME}.rrd").rows[f"{DEPTH}/points_m"]) == FRAMES
+    assert not Path((tmp_path / "where").read_text()).parent.exists()
+
+
+def test_a_viewer_that_does_not_start_is_one_line(depth_content: Content, monkeypatch: pytest.MonkeyPatch) -> None:
+    fail = "import sys; sys.stderr.write('INFO: begin\\nError: no X server\\n'); sys.exit(1)"
+    monkeypatch.setattr(rerun_log, "VIEWER", (sys.executable, "-c", fail))
+    with pytest.raises(UsageError, match=r"^the viewer does not start: found Error: no X server\. --save"):
+        rerun_log.open_viewer(depth_content)
 
 
 def _times_ns(rows: list[dict[str, Any]]) -> list[int]:
