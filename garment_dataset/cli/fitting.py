@@ -20,7 +20,7 @@ _INDENT = 2
 _SIGN = "…"
 _LEAST_TEXT = 10
 """Columns that a list of cells leaves for text beside its labels, before it goes below them."""
-_PIECES = re.compile(r"\S+?[/,:;](?=\S)|\S+")
+_PIECES = re.compile(r"\S+?[/,](?=\S)|\S+")
 
 
 def cell_width(text: str) -> int:
@@ -188,14 +188,12 @@ def _folded_widths(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> lis
 def _wrapped_widths(columns: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[int] | None:
     """Return the widths where text takes several lines, the widest columns giving most; None if words are too long."""
     most = _folded_widths(columns, rows)
-    # what a row is called is not broken: its parts would stand among those of other cells
     least = [
-        max(
-            (cell_width(part) for cell in cells for part in (_PIECES.findall(cell) if index else cell.split())),
-            default=0,
-        )
-        for index, cells in enumerate(zip(columns, *rows, strict=True))
+        max((cell_width(piece) for cell in cells for piece in _PIECES.findall(cell)), default=0)
+        for cells in zip(columns, *rows, strict=True)
     ]
+    # what a row is called is not broken: its parts would stand among those of other cells
+    least[:1] = most[:1]
     room = width - _GAP * (len(columns) - 1)
     if sum(least) > room:
         return None
