@@ -7,6 +7,7 @@ import re
 import subprocess
 import sys
 from html.parser import HTMLParser
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -23,8 +24,6 @@ from garment_dataset.workspace.session import Session
 from tests.conftest import RECORDINGS
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from garment_dataset.workspace import Workspace
 
 NASTY = "<script>alert('x')</script>\x1b[31m & \"q\""
@@ -97,6 +96,13 @@ def test_cells_of_a_notebook_show_them(built: Workspace) -> None:
     assert "the first 20 of 47 recordings" in shown["catalog"]["text/html"]
     assert "[m/s]" in shown["features"]["text/html"]
     assert re.search(r"\d+ rows × \d+ columns", shown["features"]["text/html"])
+
+
+def test_the_cells_of_the_page_run(built: Workspace, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = Path(__file__).parents[1] / "docs" / "terminal.md"
+    monkeypatch.chdir(built.root)
+    for code in re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL):
+        exec(code, {})
 
 
 @given(st.lists(st.lists(st.text(), min_size=2, max_size=2), max_size=30), st.text())

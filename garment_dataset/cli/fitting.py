@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
 _GAP = 2
 _INDENT = 2
-_SIGN = "…"
 _LEAST_TEXT = 10
 """Columns that a list of cells leaves for text beside its labels, before it goes below them."""
 _PIECES = re.compile(r"\S+?[/,](?=\S)|\S+")
@@ -95,7 +94,7 @@ def name_lines(names: Sequence[str], width: int) -> list[str]:
     return [f"{'':{_INDENT}}{(' ' * _GAP).join(row)}".rstrip() for row in rows]
 
 
-def shorten(names: Sequence[str], width: int) -> list[str]:
+def shorten(names: Sequence[str], width: int, sign: str = "…") -> list[str]:
     """Return names that each fit on one line, with a sign where something is left out.
 
     Different names stay different. Where that cannot be had, all are returned whole.
@@ -106,21 +105,22 @@ def shorten(names: Sequence[str], width: int) -> list[str]:
         What is shown together.
     width : int
         Columns of a line.
+    sign : str
+        Stands where something is left out.
     """
-    kept = width - cell_width(_SIGN)
+    kept = width - cell_width(sign)
     if all(cell_width(name) <= width for name in names) or kept < 2:
         return list(names)
     different = len(set(names))
     # the ends of names tell recordings apart: as much of them as of the beginnings first
     for tail in sorted(range(kept + 1), key=lambda tail: abs(2 * tail - kept)):
-        found = [name if cell_width(name) <= width else _without_middle(name, kept - tail, tail) for name in names]
+        found = [
+            name if cell_width(name) <= width else _head(name, kept - tail) + sign + _head(name[::-1], tail)[::-1]
+            for name in names
+        ]
         if len(set(found)) == different:
             return found
     return list(names)
-
-
-def _without_middle(name: str, head: int, tail: int) -> str:
-    return _head(name, head) + _SIGN + _head(name[::-1], tail)[::-1]
 
 
 def _head(text: str, width: int) -> str:
