@@ -148,10 +148,7 @@ def _in_a_line(error: typer.BadParameter) -> str:
         return text
     # what pydantic says of a value does not name it
     text = text.replace("Value error, ", "").replace("Input should be", "expected").partition(", unable")[0]
-    if (
-        "expected what is" in text
-        and (given := _given_for(getattr(getattr(error, "param", None), "opts", ()))) is not None
-    ):
+    if ": expected " in text and (given := _given_for(getattr(getattr(error, "param", None), "opts", ()))) is not None:
         text += f", found {given!r}"
     end = "" if text.endswith((".", "?")) else "."
     path = error.ctx.command_path
