@@ -66,6 +66,7 @@ def application(verb: str | None = None) -> typer.Typer:
     app = typer.Typer(
         name=PROGRAM,
         no_args_is_help=True,
+        context_settings={"color": False},  # a stream writes control letters as escapes, ours too
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
     )

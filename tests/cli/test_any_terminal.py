@@ -177,6 +177,13 @@ def in_terminal(cwd: Path, columns: int, *arguments: str) -> str:
     return written.decode().replace("\r\n", "\n")
 
 
+def test_nothing_of_typers_own_is_coloured(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setenv("_TYPER_COMPLETE_TEST_DISABLE_SHELL_DETECTION", "1")
+    text = in_terminal(tmp_path, 80, "--install-completion", "bash")
+    assert text.startswith(f"bash completion installed in {tmp_path}/.bash_completions/garment.sh\n")
+
+
 def test_a_terminal_of_80_columns_gets_whole_names(workspace: Workspace) -> None:
     names = [row.recording for row in workspace.catalog().rows]
     for arguments in (["list"], ["status"], ["build", "-j", "0"], ["status"], ["log"], ["verify"]):
