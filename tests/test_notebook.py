@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
@@ -69,7 +70,7 @@ def built(workspace: Workspace) -> Workspace:
     return workspace
 
 
-def test_cells_of_a_notebook_show_them(built: Workspace) -> None:
+def test_cells_of_a_notebook_show_them(built: Workspace, tmp_path: Path) -> None:
     prelude = "from garment_dataset.workspace.session import Session; from pathlib import Path; "
     prelude += f"import garment_dataset as g; place = g.Workspace.find(Path({str(built.root)!r}))"
     name = min(RECORDINGS)
@@ -83,7 +84,12 @@ def test_cells_of_a_notebook_show_them(built: Workspace) -> None:
         "query": "place.catalog().query(axis='R')",
     }
     done = subprocess.run(
-        [sys.executable, "-c", CELL, json.dumps(cells)], capture_output=True, text=True, check=True, cwd=built.root
+        [sys.executable, "-c", CELL, json.dumps(cells)],
+        env=os.environ | {"IPYTHONDIR": str(tmp_path / "ipython")},
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=built.root,
     )
     shown = json.loads(done.stdout.splitlines()[-1])
     for name in cells.keys() - {"prelude"}:

@@ -69,9 +69,10 @@ def wrap(text: str, width: int, *, hard: bool = True) -> list[str]:
     All letters but the spaces at which it is broken are there, in their order.
     """
     lines: list[str] = []
-    line = ""
+    line, end = "", 0
     for match in _PIECES.finditer(text):
-        piece, gap = match.group(), "" if not line or text[match.start() - 1] != " " else " "
+        piece, gap = match.group(), text[end : match.start()] if line else ""
+        end = match.end()
         if line and cell_width(line + gap + piece) > width:
             lines.append(line)
             line, gap = "", ""
