@@ -137,7 +137,7 @@ def main() -> None:
         if error.errno is None or error.filename is None:
             raise
         # whatever was being done, it is the disk or the permissions that a person has to look at
-        say(f"garment: {os.fsdecode(error.filename)}: {error.strerror}")
+        say(f"garment: {error.filename}: {error.strerror}")
         sys.exit(1)
     sys.exit(code if isinstance(code, int) else 0)
 
