@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import re
 import subprocess
 import sys
 from html.parser import HTMLParser
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pandas as pd
@@ -23,8 +25,6 @@ from garment_dataset.workspace.session import Session
 from tests.conftest import RECORDINGS
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from garment_dataset.workspace import Workspace
 
 NASTY = "<script>alert('x')</script>\x1b[31m & \"q\""
@@ -70,7 +70,7 @@ def built(workspace: Workspace) -> Workspace:
     return workspace
 
 
-def test_cells_of_a_notebook_show_them(built: Workspace) -> None:
+def test_cells_of_a_notebook_show_them(built: Workspace, tmp_path: Path) -> None:
     prelude = "from garment_dataset.workspace.session import Session; from pathlib import Path; "
     prelude += f"import garment_dataset as g; place = g.Workspace.find(Path({str(built.root)!r}))"
     name = min(RECORDINGS)
@@ -84,7 +84,12 @@ def test_cells_of_a_notebook_show_them(built: Workspace) -> None:
         "query": "place.catalog().query(axis='R')",
     }
     done = subprocess.run(
-        [sys.executable, "-c", CELL, json.dumps(cells)], capture_output=True, text=True, check=True, cwd=built.root
+        [sys.executable, "-c", CELL, json.dumps(cells)],
+        env=os.environ | {"IPYTHONDIR": str(tmp_path / "ipython")},
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=built.root,
     )
     shown = json.loads(done.stdout.splitlines()[-1])
     for name in cells.keys() - {"prelude"}:
@@ -97,6 +102,13 @@ def test_cells_of_a_notebook_show_them(built: Workspace) -> None:
     assert "the first 20 of 47 recordings" in shown["catalog"]["text/html"]
     assert "[m/s]" in shown["features"]["text/html"]
     assert re.search(r"\d+ rows × \d+ columns", shown["features"]["text/html"])
+
+
+def test_the_cells_of_the_page_run(built: Workspace, monkeypatch: pytest.MonkeyPatch) -> None:
+    page = Path(__file__).parents[1] / "docs" / "terminal.md"
+    monkeypatch.chdir(built.root)
+    for code in re.findall(r"```python\n(.*?)```", page.read_text("utf-8"), re.DOTALL):
+        exec(code, {})
 
 
 @given(st.lists(st.lists(st.text(), min_size=2, max_size=2), max_size=30), st.text())

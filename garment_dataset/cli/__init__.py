@@ -8,8 +8,9 @@ import re
 import sys
 import warnings
 from importlib import import_module
+from itertools import pairwise
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
@@ -18,8 +19,14 @@ from garment_dataset.cli.output import say, show_warning
 from garment_dataset.cli.streams import make_streams_safe
 from garment_dataset.errors import GarmentError
 
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
 PROGRAM = "garment"
 """What the command is called in its own words, however it was started."""
+
+_WRONG_USE: type[typer.BadParameter] = typer.BadParameter.__bases__[0]
+"""What Typer raises for all that is wrong with a command: it has no public name."""
 
 _ROOM = 60
 """Letters beside a verb in the list of all, in 80 columns."""
@@ -60,6 +67,7 @@ def application(verb: str | None = None) -> typer.Typer:
     app = typer.Typer(
         name=PROGRAM,
         no_args_is_help=True,
+        context_settings={"color": False},  # a stream writes control letters as escapes, ours too
         pretty_exceptions_enable=False,
         rich_markup_mode=None,
     )
@@ -118,9 +126,12 @@ def main() -> None:
     warnings.showwarning = show_warning
     try:
         try:
-            application(_verb())(prog_name=PROGRAM)
+            code = application(_verb())(prog_name=PROGRAM, standalone_mode=False)
         finally:
             sys.stdout.flush()  # a disk that is full is to be told of while it can
+    except _WRONG_USE as error:
+        say(_in_a_line(error))
+        sys.exit(error.exit_code)
     except GarmentError as error:
         say(f"garment: {error}")
         sys.exit(error.exit_code)
@@ -128,5 +139,29 @@ def main() -> None:
         if error.errno is None or error.filename is None:
             raise
         # whatever was being done, it is the disk or the permissions that a person has to look at
-        say(f"garment: {os.fsdecode(error.filename)}: {error.strerror}")
+        say(f"garment: {error.filename}: {error.strerror}")
         sys.exit(1)
+    sys.exit(code if isinstance(code, int) else 0)
+
+
+def _in_a_line(error: typer.BadParameter) -> str:
+    """Return what was wrong with a command, in the form of our own messages; or the help that it asks for."""
+    text = error.format_message()
+    if error.ctx is None or "\n" in text:
+        return text
+    # what pydantic says of a value does not name it
+    text = text.replace("Value error, ", "").replace("Input should be", "expected").partition(", unable")[0]
+    if ": expected " in text and (given := _given_for(getattr(getattr(error, "param", None), "opts", ()))) is not None:
+        text += f", found {given!r}"
+    end = "" if text.endswith((".", "?")) else "."
+    path = error.ctx.command_path
+    return f"{path}: {text[0].lower()}{text[1:]}{end} `{path} --help` says what there is."
+
+
+def _given_for(options: Sequence[str]) -> str | None:
+    """Return what stands behind an option in the arguments."""
+    for option, value in pairwise([*sys.argv, ""]):
+        name, sign, joined = option.partition("=")
+        if name in options:
+            return joined if sign else value
+    return None

@@ -17,10 +17,9 @@ if TYPE_CHECKING:
 
 _GAP = 2
 _INDENT = 2
-_SIGN = "…"
 _LEAST_TEXT = 10
 """Columns that a list of cells leaves for text beside its labels, before it goes below them."""
-_PIECES = re.compile(r"\S+?[/,:;](?=\S)|\S+")
+_PIECES = re.compile(r"\S+?[/,](?=\S)|\S+")
 
 
 def cell_width(text: str) -> int:
@@ -70,9 +69,10 @@ def wrap(text: str, width: int, *, hard: bool = True) -> list[str]:
     All letters but the spaces at which it is broken are there, in their order.
     """
     lines: list[str] = []
-    line = ""
+    line, end = "", 0
     for match in _PIECES.finditer(text):
-        piece, gap = match.group(), "" if not line or text[match.start() - 1] != " " else " "
+        piece, gap = match.group(), text[end : match.start()] if line else ""
+        end = match.end()
         if line and cell_width(line + gap + piece) > width:
             lines.append(line)
             line, gap = "", ""
@@ -95,7 +95,7 @@ def name_lines(names: Sequence[str], width: int) -> list[str]:
     return [f"{'':{_INDENT}}{(' ' * _GAP).join(row)}".rstrip() for row in rows]
 
 
-def shorten(names: Sequence[str], width: int) -> list[str]:
+def shorten(names: Sequence[str], width: int, sign: str = "…") -> list[str]:
     """Return names that each fit on one line, with a sign where something is left out.
 
     Different names stay different. Where that cannot be had, all are returned whole.
@@ -106,21 +106,22 @@ def shorten(names: Sequence[str], width: int) -> list[str]:
         What is shown together.
     width : int
         Columns of a line.
+    sign : str
+        Stands where something is left out.
     """
-    kept = width - cell_width(_SIGN)
+    kept = width - cell_width(sign)
     if all(cell_width(name) <= width for name in names) or kept < 2:
         return list(names)
     different = len(set(names))
     # the ends of names tell recordings apart: as much of them as of the beginnings first
     for tail in sorted(range(kept + 1), key=lambda tail: abs(2 * tail - kept)):
-        found = [name if cell_width(name) <= width else _without_middle(name, kept - tail, tail) for name in names]
+        found = [
+            name if cell_width(name) <= width else _head(name, kept - tail) + sign + _head(name[::-1], tail)[::-1]
+            for name in names
+        ]
         if len(set(found)) == different:
             return found
     return list(names)
-
-
-def _without_middle(name: str, head: int, tail: int) -> str:
-    return _head(name, head) + _SIGN + _head(name[::-1], tail)[::-1]
 
 
 def _head(text: str, width: int) -> str:
@@ -188,14 +189,12 @@ def _folded_widths(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> lis
 def _wrapped_widths(columns: Sequence[str], rows: Sequence[Sequence[str]], width: int) -> list[int] | None:
     """Return the widths where text takes several lines, the widest columns giving most; None if words are too long."""
     most = _folded_widths(columns, rows)
-    # what a row is called is not broken: its parts would stand among those of other cells
     least = [
-        max(
-            (cell_width(part) for cell in cells for part in (_PIECES.findall(cell) if index else cell.split())),
-            default=0,
-        )
-        for index, cells in enumerate(zip(columns, *rows, strict=True))
+        max((cell_width(piece) for cell in cells for piece in _PIECES.findall(cell)), default=0)
+        for cells in zip(columns, *rows, strict=True)
     ]
+    # what a row is called is not broken: its parts would stand among those of other cells
+    least[:1] = most[:1]
     room = width - _GAP * (len(columns) - 1)
     if sum(least) > room:
         return None

@@ -13,7 +13,7 @@ from garment_dataset.cli.fitting import shorten
 from garment_dataset.cli.output import say
 from garment_dataset.cli.pace import Pace
 from garment_dataset.cli.saying import QUALITY_STAGE
-from garment_dataset.cli.streams import legible
+from garment_dataset.cli.streams import is_unicode, legible
 from garment_dataset.engine.events import Ending
 
 if TYPE_CHECKING:
@@ -116,8 +116,9 @@ def at_work(pace: Pace, now_s: float, width: int = 1000) -> list[str]:
         variant = f" ({node.variant})" if node.variant else ""
         names.append(legible(f"{node.stage} {node.subject}{variant}", sys.stderr))
         rests.append(f"  {now_s - began_s:.0f} s{measured}")
+    sign = "…" if is_unicode(sys.stderr) else "..."
     room = width - 2 - max(map(len, rests), default=0)
-    lines = [f"  {name}{rest}" for name, rest in zip(shorten(names, room), rests, strict=True)]
+    lines = [f"  {name}{rest}" for name, rest in zip(shorten(names, room, sign), rests, strict=True)]
     more = len(pace.running) - _MOST_AT_WORK
     return lines if more <= 0 else [*lines, f"  and {more} more"]
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -22,8 +23,9 @@ def init(
     workspace = Layout.create(folder, empty=empty)
     say(f"wrote {workspace.root}: catalog/ pipelines/ recordings/")
     where = f"Put bags (or links to them) into {workspace.recordings_dir}"
+    enter = f"cd {shlex.quote(str(folder))}"
     if empty:
         tables = "what you know of them into catalog/garments.csv, holdings.csv and recordings.csv"
-        say(f"{where}, and {tables}, then: cd {folder} && garment lint")
+        say(f"{where}, and {tables}, then: {enter} && garment lint")
     else:
-        say(f"{where}, then: cd {folder} && garment list")
+        say(f"{where}, then: {enter} && garment list")

@@ -155,7 +155,21 @@ def test_it_has_one_name_and_says_its_version(started: list[str]) -> None:
     assert re.fullmatch(r"garment-dataset \d+\.\d+\.\S+, Python 3\.\d+\.\d+, /.*garment_dataset\n", version)
     usage = subprocess.run([*started, "list", "--foo"], capture_output=True, text=True, check=False)
     assert usage.returncode == 2
-    assert usage.stderr.startswith("Usage: garment list [OPTIONS]")
+    assert usage.stderr == "garment list: no such option: --foo. `garment list --help` says what there is.\n"
+    shown = subprocess.run([*started, "list", "--help"], capture_output=True, text=True, check=True).stdout
+    assert shown.startswith("Usage: garment list [OPTIONS]")
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["lst", "list --jsn", "show", "build -j x", "build -j -1", "build --engine foo", "gc x", "new stag", "score . /x"],
+)
+def test_a_wrong_command_is_one_line(line: str) -> None:
+    done = subprocess.run([*GARMENT, *line.split()], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert re.fullmatch(r"garment( \w+)?: .*[.?] `garment.* --help` says what there is\.\n", done.stderr)
+    if line.startswith("build -j"):
+        assert f"found '{line.rsplit(maxsplit=1)[-1]}'" in done.stderr
 
 
 def test_the_list_of_verbs_is_whole_in_80_columns() -> None:

@@ -92,6 +92,10 @@ def test_wrapping_keeps_all_but_spaces(text: str, width: int) -> None:
     assert squeezed(lines) == text.replace(" ", "")
 
 
+def test_spaces_within_a_line_are_kept() -> None:
+    assert wrap("a  b c", 4) == ["a  b", "c"]
+
+
 def test_what_is_wide_takes_two_columns_and_a_mark_none() -> None:
     assert [cell_width(text) for text in ("ab", "語", "👕", "e\u0301", "×")] == [2, 2, 2, 1, 1]
 

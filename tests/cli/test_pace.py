@@ -28,6 +28,18 @@ def test_nothing_is_foretold_before_anything_was_measured() -> None:
     assert time_left(pace, 5.0) == ""
 
 
+@pytest.mark.parametrize("width", range(40, 121, 8))
+def test_names_at_work_fit_a_line_and_stay_different(width: int) -> None:
+    name = "GreenTowelOfTheLargestSize_Corner_{:02}_pi16_0.5_R1"
+    nodes = [NodeId("depth_points", name.format(number), variant) for number in range(3) for variant in ("", "wide")]
+    pace = Pace(nodes)
+    for node in nodes:
+        pace.begin(node, 0.0)
+    lines = at_work(pace, 1234.0, width)
+    assert len(set(lines)) == len(nodes)
+    assert all(len(line) <= width and line.endswith("  1234 s") for line in lines)
+
+
 def test_one_worker_needs_what_its_stages_needed() -> None:
     pace = Pace([*FIRST, *SECOND])
     pace.begin(FIRST[0], 0.0)
