@@ -29,11 +29,14 @@ MAY_IMPORT: dict[str, set[str]] = {
     "score": {"arrays", "errors", "features", "layout", "vision"},
     "view": {"arrays", "bags", "catalog", "errors", "features", "layout"},
     "simulate": {"catalog", "engine", "errors"},
+    "report": {
+        *("arrays", "bags", "catalog", "checks", "engine", "errors", "features", "stages", "view", "workspace"),
+    },
     "doctor": {"catalog", "engine", "layout"},
     "checks": {"bags", "catalog", "engine", "errors", "files", "layout"},
     "cli": {
         *("bags", "catalog", "checks", "doctor", "engine", "errors", "features", "interrupts", "layout", "score"),
-        *("simulate", "stages", "view", "vision", "workspace"),
+        *("report", "simulate", "stages", "view", "vision", "workspace"),
     },
     "__main__": {"cli", "interrupts"},
 }

@@ -36,6 +36,7 @@ VERBS = {
     "simulate": "simulate.simulate",
     "score": "score.score",
     "plot": "plot.plot",
+    "report": "report.report",
 }
 """Where the function of each verb lies in this package, in the order of ``--help``: one that runs imports no other."""
 
