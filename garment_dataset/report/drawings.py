@@ -94,12 +94,9 @@ def _edges(stages: Sequence[StageFact]) -> dict[tuple[str, str], list[str]]:
     found: dict[tuple[str, str], list[str]] = defaultdict(list)
     for stage in stages:
         for name in stage.reads:
-            if name not in _NO_DATA and makers.get(name) != stage.name:
+            if makers.get(name) != stage.name:
                 found[makers.get(name, f"({name})"), stage.name].append(name)
     return dict(found)
-
-
-_NO_DATA = frozenset({"params", "notes"})
 
 
 def _laid_out(stages: Sequence[StageFact], edges: Iterable[tuple[str, str]]) -> dict[str, _Box]:

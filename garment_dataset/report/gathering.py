@@ -181,6 +181,7 @@ def _stages(session: Session, nodes: Mapping[str, Sequence[NodeFact]]) -> list[S
     for found in nodes.values():
         for node in found:
             counts[node.stage][node.state] += 1
+    made = {output.name for stage in session.stages for output in stage.outputs}
     pipelines = defaultdict(list)
     for pipeline in session.pipelines:
         for stage in pipeline.stages:
@@ -188,7 +189,7 @@ def _stages(session: Session, nodes: Mapping[str, Sequence[NodeFact]]) -> list[S
     return [
         StageFact(
             stage.name,
-            tuple(stage.arguments),
+            tuple(name for name in stage.arguments if name in stage.sources or name in made),
             tuple(output.name for output in stage.outputs),
             f"group of equal {', '.join(stage.per.by)}" if isinstance(stage.per, Group) else str(stage.per),
             tuple(dict.fromkeys(pipelines[stage.name])),

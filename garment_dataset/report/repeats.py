@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from garment_dataset.errors import FilterError
+from garment_dataset.errors import FilterError, printable
 from garment_dataset.features.reading import load_features
 
 if TYPE_CHECKING:
@@ -27,8 +27,8 @@ def repeats_of(folder: Path, groups: Sequence[str]) -> list[dict[str, Any]]:
     Returns
     -------
     list of dict
-        For each movement its ``name``, ``repeats``, and ``rows`` with point, coordinate, rms with its interval,
-        maximum and what is stated, in mm; ``reason`` where there is no number.
+        For each movement its ``name``, ``repeats``, and ``points``: each with ``point`` and by coordinate ``cells`` of
+        rms with its interval, maximum and what is stated, in mm; ``reason`` where there is no number.
 
     Raises
     ------
@@ -43,18 +43,21 @@ def repeats_of(folder: Path, groups: Sequence[str]) -> list[dict[str, Any]]:
         return []
     found = []
     for name, rows in table.groupby("group", sort=True):
-        records = [_row(row) for row in rows.to_dict("records")]
-        found.append({"name": str(name), "repeats": int(rows["repeats"].max()), "rows": records})
+        points = [
+            {"point": int(str(point)), "cells": {row["coordinate"]: _cell(row) for row in of_point.to_dict("records")}}
+            for point, of_point in rows.groupby("point", sort=True)
+        ]
+        found.append({"name": printable(str(name)), "repeats": int(rows["repeats"].max()), "points": points})
     return found
 
 
-def _row(row: dict[Any, Any]) -> dict[str, Any]:
+def _cell(row: dict[Any, Any]) -> dict[str, Any]:
     values = {
         name: _millimetres(row[f"displacement_{name}_m"])
         for name in ("rms", "rms_low", "rms_high", "max", "stated_rms")
     }
     reason = row["reason"] if isinstance(row["reason"], str) else None
-    return {"point": int(row["point"]), "coordinate": row["coordinate"], "reason": reason, **values}
+    return {"reason": reason, **values}
 
 
 def _millimetres(value: float) -> str | None:

@@ -14,7 +14,7 @@ from garment_dataset.errors import MissingExtraError, UsageError
 from garment_dataset.report.code import report_code
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Mapping
+    from collections.abc import Callable, Mapping, Sequence
 
     from garment_dataset.report.facts import RecordingFacts, SiteFacts
 
@@ -93,6 +93,7 @@ class Site:
             hint = "Name another folder with --out, or remove that page."
             raise UsageError("a page that no report made is in the way", where=folder / INDEX, hint=hint)
         self._files: dict[str, dict[str, str]] = {}
+        self._broken: set[str] = set()
         self.written = Written(folder / INDEX)
 
     def put(self, name: str, key: str, make: Callable[[], bytes]) -> None:
@@ -114,6 +115,7 @@ class Site:
             self.written.kept.append(name)
             return
         data = make()
+        key = "" if name in self._broken else key
         path.parent.mkdir(parents=True, exist_ok=True)
         if before is None and path.exists() and path.read_bytes() != data:
             hint = "Name another folder with --out, or remove that file."
@@ -123,6 +125,11 @@ class Site:
         temporary.replace(path)
         self._files[name] = {"key": key, "content": hashlib.sha256(data).hexdigest()}
         self.written.made.append(name)
+
+    def broken(self, name: str, fault: str) -> None:
+        """Note that a page which is being made says no more than why: the next report tries again."""
+        self._broken.add(name)
+        self.written.faults.append(fault)
 
     def finish(self, remembered: Mapping[str, Any]) -> Written:
         """Remove the pages of what is gone, and write down what was made.
@@ -175,12 +182,12 @@ def recording_key(facts: RecordingFacts) -> str:
     return digest("report-recording/1", [report_code(), _plain(shown)])
 
 
-def index_key(facts: SiteFacts) -> str:
-    """Return the digest of all that the first page is made of."""
+def index_key(facts: SiteFacts, faults: Sequence[str]) -> str:
+    """Return the digest of all that the first page is made of, pages among it that are not whole."""
     shown = {name: value for name, value in asdict(facts).items() if name not in {"folder", "root"}}
     for each in shown["recordings"]:
         each.pop("path")
-    return digest("report-index/1", [report_code(), _plain(shown)])
+    return digest("report-index/1", [report_code(), _plain(shown), list(faults)])
 
 
 def _plain(value: object) -> Any:  # noqa: ANN401 - JSON-like

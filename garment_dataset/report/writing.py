@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 
 _FEWEST_FRAMES = 4
 _MOTION = (
-    ("onset_std_ns", "uncertainty of the onset", "ns"),
     ("onset_reason", "why there is no onset", ""),
     ("rest_frames", "frames at rest", ""),
     ("moving_frames", "frames in motion", ""),
@@ -59,7 +58,7 @@ def write_report(
             return _recording(each, facts, site)
 
         site.put(name, recording_key(each), make)
-    site.put(INDEX, index_key(facts), lambda: _index(facts, site))
+    site.put(INDEX, index_key(facts, site.written.faults), lambda: _index(facts, site))
     return site.finish(remembered)
 
 
@@ -69,7 +68,7 @@ def _recording(each: RecordingFacts, facts: SiteFacts, site: Site) -> bytes:
     except Exception as error:  # noqa: BLE001 - whatever is wrong with one recording, the others have their pages
         why = error.what if isinstance(error, GarmentError) else f"{type(error).__name__}: {error}"
         plain = printable(why.replace(f"{facts.root}/", ""))
-        site.written.faults.append(f"{each.recording}: {plain}")
+        site.broken(f"{RECORDINGS}/{each.page}", f"{each.recording}: {plain}")
         return failed_page(each, plain).encode()
 
 
@@ -118,6 +117,8 @@ def _motion(tables: Tables) -> dict[str, str]:
             value = values.iloc[0]
             text = value if isinstance(value, str) else f"{float(value):.4g}"
             found[label] = f"{text} {unit}".strip()
+    if "onset_std_ns" in motion and len(values := motion["onset_std_ns"].dropna()):
+        found["uncertainty of the onset"] = f"{1e-6 * float(values.tolist()[0]):.3g} ms"
     return found
 
 

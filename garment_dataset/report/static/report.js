@@ -175,7 +175,10 @@
     };
     const ranges = [range(0), range(1), range(2)];
     // as one stands: forward is into the picture, up is up; the camera's y points down
-    let eye = { x: -0.9, y: -1.7, z: 0.55 };
+    let eye = { x: -0.75, y: -1.15, z: 0.35 };
+    const spans = ranges.map(([low, high]) => high - low);
+    const largest = Math.max(...spans);
+    const ratio = { x: spans[0] / largest, y: spans[2] / largest, z: spans[1] / largest };
     const spread = (rows) => ({ x: rows.map((row) => row?.[0] ?? null), y: rows.map((row) => row?.[2] ?? null), z: rows.map((row) => row?.[1] ?? null) });
     const hover = (name) => `${name}<br>x %{x:.3f} m<br>y %{z:.3f} m<br>z %{y:.3f} m<extra></extra>`;
     const traces = (index) => {
@@ -184,7 +187,7 @@
       const points = spread(frame.points);
       const gripper = spread(frame.gripper ? [frame.gripper] : []);
       return [
-        { type: "scatter3d", mode: "markers", name: "cloud", x, y: z, z: y, hovertemplate: hover("cloud"), marker: { size: 1.8, color: z, colorscale: "Cividis", reversescale: true, cmin: ranges[2][0], cmax: ranges[2][1], opacity: 0.75 } },
+        { type: "scatter3d", mode: "markers", name: "cloud", x, y: z, z: y, hovertemplate: hover("cloud"), marker: { size: 1.8, color: z, colorscale: [[0, color("--near")], [1, color("--far")]], cmin: ranges[2][0], cmax: ranges[2][1], opacity: 0.75 } },
         { type: "scatter3d", mode: "lines", name: "chain", ...spread(frame.chain), hovertemplate: hover("chain"), line: { width: 6, color: color("--text") } },
         { type: "scatter3d", mode: "markers", name: "points", ...points, text: frame.points.map((_, number) => `point ${number + 1}`), hovertemplate: hover("%{text}"), marker: { size: 7, color: frame.points.map((_, number) => pointColors[number % pointColors.length]), line: { color: "#fff", width: 1 } } },
         { type: "scatter3d", mode: "markers", name: "gripper", ...gripper, hovertemplate: hover("gripper"), marker: { size: 6, symbol: "x", color: "#d62728" } },
@@ -194,13 +197,13 @@
       const axis = (title, span) => ({ title: { text: title }, range: span, gridcolor: color("--grid"), zeroline: false, showbackground: false, color: color("--text"), nticks: 5 });
       const frame = clouds.frames[index];
       Plotly.react(place, traces(index), looks({
-        margin: { l: 0, r: 0, t: 0, b: 0 }, uirevision: "turned", legend: { orientation: "h", y: 0.02, yanchor: "bottom", itemsizing: "constant" },
+        margin: { l: 0, r: 0, t: 0, b: 0 }, uirevision: "turned", legend: { orientation: "h", y: 1, yanchor: "top", itemsizing: "constant" },
         scene: {
-          aspectmode: "data", dragmode: "turntable", camera: { eye, up: { x: 0, y: 0, z: 1 } }, uirevision: "turned",
+          aspectmode: "manual", aspectratio: ratio, dragmode: "turntable", camera: { eye, up: { x: 0, y: 0, z: 1 } }, uirevision: "turned",
           xaxis: axis("x right [m]", ranges[0]), yaxis: axis("z forward [m]", ranges[2]), zaxis: axis("y down [m]", [ranges[1][1], ranges[1][0]]),
         },
       }), config);
-      said.textContent = `frame ${frame.frame}, ${frame.time_s.toFixed(2)} s: ${decoded[index][0].length} pixels of the cloud, ${frame.points.filter(Boolean).length} of ${frame.points.length} points`;
+      said.textContent = `frame ${frame.frame}, ${frame.time_s.toFixed(2)} s: ${decoded[index][0].length} pixels of the cloud, ${frame.points.length ? `${frame.points.filter(Boolean).length} of ${frame.points.length} points` : "no points were asked for"}`;
     };
     const frames = stepper(controls, clouds.frames.length, show);
     for (const button of controls.querySelectorAll("[data-turn]")) {
