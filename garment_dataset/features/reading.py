@@ -109,8 +109,10 @@ def declared_uncertainties(described: Mapping[str, Any]) -> dict[str, str | None
     return {column["name"]: column.get("uncertainty") for column in described.get("columns", ())}
 
 
-def open_features(table: str, *, folder: Path | None = None, variant: str = "") -> ds.Dataset:
-    """Return all files of a table as one Arrow dataset, the partition keys, if it has any, as text columns.
+def open_features(
+    table: str, *, folder: Path | None = None, variant: str = "", about: Sequence[str] = ()
+) -> ds.Dataset:
+    """Return the files of a table as one Arrow dataset, the partition keys, if it has any, as text columns.
 
     Parameters
     ----------
@@ -120,6 +122,8 @@ def open_features(table: str, *, folder: Path | None = None, variant: str = "") 
         The features folder; by default that of the workspace at or above the current folder.
     variant : str
         Whose results; by default those of the pipelines without a variant.
+    about : sequence of str
+        Only files of these names are opened, whatever the others are like; all, where there is none of them.
 
     Raises
     ------
@@ -130,7 +134,8 @@ def open_features(table: str, *, folder: Path | None = None, variant: str = "") 
     import pyarrow.dataset as ds
 
     root = variant_folder(_features_folder(folder), variant)
-    files = [str(path) for path in result_files(root, table)]
+    found = result_files(root, table)
+    files = [str(path) for path in [path for path in found if path.stem in about] or found]
     if not files:
         built = tables_in(root)
         raise StoreError(
@@ -176,7 +181,9 @@ def load_features(
     """
     import pyarrow.dataset as ds
 
-    dataset = open_features(table, folder=folder, variant=variant)
+    named = filters.get("recording", ())
+    about = [named] if isinstance(named, str) else named if isinstance(named, list | tuple) else ()
+    dataset = open_features(table, folder=folder, variant=variant, about=about)
     condition, asked = None, {}
     for name, wanted in filters.items():
         if name not in dataset.schema.names:

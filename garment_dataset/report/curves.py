@@ -35,6 +35,14 @@ _OFFERED = (
 )
 """What a page offers, of what there is; the first is shown first."""
 
+_SPARKS = {
+    "kinematics.dz_m": "displacement of the last point along the optical axis",
+    "silhouettes.centroid_u_px": "centroid of the silhouette, u",
+}
+
+READING_ERRORS = (GarmentError, OSError, ValueError)
+"""What reading a table may raise: of ours, of the disk, of Arrow."""
+
 _DIGITS = 5
 _SPARK_SAMPLES = 60
 _DARK_ENDS = (0.35, 1.0)
@@ -70,8 +78,8 @@ def curves_of(recording: str, folder: Path, made: Iterable[str]) -> tuple[dict[s
             continue
         try:
             drawn = results.read(Quantity.of(text), recording)
-        except GarmentError as error:
-            faults.append(f"{text}: {error.what}")
+        except READING_ERRORS as error:
+            faults.append(f"{text}: {said(error)}")
             continue
         if drawn is not None and drawn.curves:
             quantities.append(_quantity(text, label, drawn, times))
@@ -159,20 +167,21 @@ def spark_values(recordings: Sequence[str], folder: Path) -> dict[str, tuple[str
         What it is, its unit, and at most 60 values; recordings of which there are none are left out.
     """
     found: dict[str, tuple[str, str, list[float | None]]] = {}
-    results = Results(list(recordings), folder=folder)
-    for text, what in (
-        ("kinematics.dz_m", "displacement of the last point along the optical axis"),
-        ("silhouettes.centroid_u_px", "centroid of the silhouette, u"),
-    ):
-        for recording in recordings:
-            if recording in found:
-                continue
+    for recording in recordings:
+        results = Results([recording], folder=folder)
+        for text, what in _SPARKS.items():
             try:
                 drawn = results.read(Quantity.of(text), recording)
-            except GarmentError:
+            except READING_ERRORS:
                 continue  # the recording's page says why
             if drawn is not None and drawn.curves:
                 values = _numbers(drawn.curves[-1].value)
                 step = max(1, -(-len(values) // _SPARK_SAMPLES))
                 found[recording] = what, drawn.unit, values[::step]
+                break
     return found
+
+
+def said(error: Exception) -> str:
+    """Return what an error of reading says, without a path."""
+    return error.what if isinstance(error, GarmentError) else f"cannot be read ({type(error).__name__})"

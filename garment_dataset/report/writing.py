@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 from garment_dataset.errors import GarmentError, printable
-from garment_dataset.report.curves import curves_of, spark_values, summary
+from garment_dataset.report.curves import READING_ERRORS, curves_of, said, spark_values, summary
 from garment_dataset.report.frames import LOOP_FRAMES, Pictures, Tables, pictures_of
 from garment_dataset.report.pages import failed_page, index_page, recording_page
 from garment_dataset.report.repeats import repeats_of
@@ -47,14 +47,15 @@ def write_report(
     remembered : mapping
         What the next report may use again.
     tell : callable
-        Called with the name of each page that is about to be made.
+        Called with the name of each recording that is about to be drawn.
     """
     put_assets(site)
     for each in facts.recordings:
         name = f"{RECORDINGS}/{each.page}"
 
         def make(each: RecordingFacts = each) -> bytes:
-            tell(each.recording)
+            if each.tables:
+                tell(each.recording)
             return _recording(each, facts, site)
 
         site.put(name, recording_key(each), make)
@@ -142,9 +143,9 @@ def _index(facts: SiteFacts, site: Site) -> bytes:
     groups = [node.subject for node in facts.others if node.stage == "repeatability" and node.key is not None]
     try:
         sparks, repeats = spark_values(built, facts.folder), repeats_of(facts.folder, groups)
-    except GarmentError as error:
+    except READING_ERRORS as error:
         sparks, repeats = {}, []
-        faults.append(printable(f"{error.what}".replace(f"{facts.root}/", "")))
+        faults.append(f"the table of repeats: {said(error)}")
     data = index_page(facts, sparks, repeats, faults).encode()
     if len(data) > CAP_BYTES:
         few = replace(facts, findings=[each for each in facts.findings if each.severity != "note"])
