@@ -86,7 +86,7 @@
       }
       const unit = quantity.unit ? ` [${quantity.unit}]` : "";
       Plotly.react(place, traces, looks({
-        margin: { l: 8, r: 8, t: 8, b: 8 }, hovermode: "closest", dragmode: isPhone() ? false : "zoom",
+        margin: { l: 8, r: 8, t: 8, b: 8 }, hovermode: "closest", hoverdistance: 60, dragmode: isPhone() ? false : "zoom",
         showlegend: quantity.traces.length > 1, legend: { orientation: "h", y: 1.02, yanchor: "bottom" },
         xaxis: axis(isPhone() ? "time [s]" : curves.time),
         yaxis: { ...axis(isPhone() ? unit.trim() : quantity.label + unit), range: quantity.limits ?? undefined },
@@ -175,7 +175,7 @@
     };
     const ranges = [range(0), range(1), range(2)];
     // as one stands: forward is into the picture, up is up; the camera's y points down
-    let eye = { x: -0.75, y: -1.15, z: 0.35 };
+    let eye = { x: -0.9, y: -1.4, z: 0.4 };
     const spans = ranges.map(([low, high]) => high - low);
     const largest = Math.max(...spans);
     const ratio = { x: spans[0] / largest, y: spans[2] / largest, z: spans[1] / largest };
