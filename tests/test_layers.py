@@ -42,6 +42,7 @@ MAY_IMPORT: dict[str, set[str]] = {
 }
 """Which rooms each room may import, beside itself: docs/architecture.md says why."""
 HEAVY = {"numpy", "pandas", "pyarrow", "cv2", "rosbags", "duckdb", "matplotlib", "mujoco", "blake3", "rich.console"}
+HEAVY |= {"jinja2", "plotly"}
 
 
 def module_name(path: Path) -> str:

@@ -22,6 +22,7 @@ DEPTH = "GreenTowel_Ruler_01_pi16_0.5_R1"
 REPEAT = "GreenTowel_Ruler_02_pi16_0.5_R1"
 COLOR = "GreenTowel_Corner_01_pi16_0.5_B1"
 FAILED = "GreenTowel_Ruler_03_pi16_0.5_R1"
+ABSENT = "RedSkirt_Free_pi16_0.5_R1"
 CUT = "GreenTowel_Ruler_04_pi16_0.5_R1"
 
 
@@ -29,6 +30,10 @@ def fill(place: Workspace) -> None:
     """Give a workspace recordings of all kinds: good ones, one without calibration, one that is cut."""
     whole = DEPTH_PIPELINE.replace('"kinematics"]', '"kinematics", "motion", "quality", "repeatability"]')
     (place.pipelines_dir / "depth.toml").write_text(whole)
+    table = place.catalog_dir / "recordings.csv"
+    header, *rows = table.read_text().splitlines()
+    kept = [row for row in rows if any(name in row for name in (DEPTH, REPEAT, COLOR, FAILED, CUT, ABSENT))]
+    table.write_text("\n".join([header, *kept]) + "\n")
     write_recording(place.recordings_dir / f"{DEPTH}.bag")
     write_recording(place.recordings_dir / f"{REPEAT}.bag", shift_m=0.004)
     write_recording(place.recordings_dir / f"{FAILED}.bag", fault="zero_k", frames=6)

@@ -187,7 +187,7 @@
       const points = spread(frame.points);
       const gripper = spread(frame.gripper ? [frame.gripper] : []);
       return [
-        { type: "scatter3d", mode: "markers", name: "cloud", x, y: z, z: y, hovertemplate: hover("cloud"), marker: { size: 1.8, color: z, colorscale: [[0, color("--near")], [1, color("--far")]], cmin: ranges[2][0], cmax: ranges[2][1], opacity: 0.75 } },
+        { type: "scatter3d", mode: "markers", name: "cloud", x, y: z, z: y, hovertemplate: hover("cloud"), marker: { size: 1.8, color: z, colorscale: [[0, color("--near")], [1, color("--far")]], cmin: Math.min(...z), cmax: Math.max(...z), opacity: 0.7 } },
         { type: "scatter3d", mode: "lines", name: "chain", ...spread(frame.chain), hovertemplate: hover("chain"), line: { width: 6, color: color("--text") } },
         { type: "scatter3d", mode: "markers", name: "points", ...points, text: frame.points.map((_, number) => `point ${number + 1}`), hovertemplate: hover("%{text}"), marker: { size: 7, color: frame.points.map((_, number) => pointColors[number % pointColors.length]), line: { color: "#fff", width: 1 } } },
         { type: "scatter3d", mode: "markers", name: "gripper", ...gripper, hovertemplate: hover("gripper"), marker: { size: 6, symbol: "x", color: "#d62728" } },
