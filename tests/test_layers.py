@@ -30,7 +30,8 @@ MAY_IMPORT: dict[str, set[str]] = {
     "view": {"arrays", "bags", "catalog", "errors", "features", "layout"},
     "simulate": {"catalog", "engine", "errors"},
     "report": {
-        *("arrays", "bags", "catalog", "checks", "engine", "errors", "features", "stages", "view", "workspace"),
+        *("arrays", "bags", "catalog", "checks", "engine", "errors", "features", "layout", "stages", "view"),
+        "workspace",
     },
     "doctor": {"catalog", "engine", "layout"},
     "checks": {"bags", "catalog", "engine", "errors", "files", "layout"},

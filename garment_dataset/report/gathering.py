@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from garment_dataset.engine.plan import Decision, Plan
+    from garment_dataset.layout import Layout
     from garment_dataset.workspace.session import Session
 
 _PLAIN = re.compile(r"[A-Za-z0-9_.-]{1,120}")
@@ -42,7 +43,7 @@ def gather(session: Session, known_checks: Mapping[str, Any]) -> tuple[SiteFacts
     checks : dict
         JSON-like.
     """
-    plain = _without_paths(session)
+    plain = without_paths(session.layout)
     nodes = _nodes(session, session.plan(), plain)
     rows = [*session.selection.rows, *session.selection.absent]
     order = {row.recording: number for number, row in enumerate(session.catalog.rows)}
@@ -53,7 +54,7 @@ def gather(session: Session, known_checks: Mapping[str, Any]) -> tuple[SiteFacts
     quality = _quality(session)
     about = defaultdict(list)
     for finding in found:
-        about[finding.subject].append(finding)
+        about[finding.subject.removesuffix(".bag")].append(finding)
     recordings = [
         RecordingFacts(
             printable(row.recording),
@@ -87,17 +88,23 @@ def page_of(recording: str) -> str:
     return f"{words or 'recording'}-{hashlib.sha256(raw).hexdigest()[:12]}.html"
 
 
-def _without_paths(session: Session) -> Callable[[str], str]:
-    """Return what takes folders of this machine out of a text: two reports of equal workspaces are equal."""
-    layout = session.layout
-    folders = {layout.root, layout.recordings_dir, layout.features_dir, layout.catalog_dir, layout.pipelines_dir}
-    names = {str(folder.parent if folder != layout.root else folder) for folder in folders if folder.is_absolute()}
-    names |= {str(layout.root.resolve())}
-    longest_first = sorted(names, key=len, reverse=True)
+def without_paths(layout: Layout) -> Callable[[str], str]:
+    """Return what takes folders of this machine out of a text: reports of equal workspaces are equal.
+
+    Parameters
+    ----------
+    layout : Layout
+        The workspace: of what lies in it, paths from its root are left; of folders elsewhere, their names.
+    """
+    shown = {str(layout.root): "", str(layout.root.resolve()): ""}
+    for folder in (layout.recordings_dir, layout.features_dir, layout.catalog_dir, layout.pipelines_dir):
+        if not folder.is_relative_to(layout.root):
+            shown[str(folder)] = f"{folder.name}/"
+    longest_first = sorted(shown.items(), key=lambda each: -len(each[0]))
 
     def plain(text: str) -> str:
-        for name in longest_first:
-            text = text.replace(f"{name}/", "").replace(name, ".")
+        for folder, name in longest_first:
+            text = text.replace(f"{folder}/", name).replace(folder, name.rstrip("/") or ".")
         return printable(text)
 
     return plain

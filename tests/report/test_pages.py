@@ -9,10 +9,11 @@ from typing import Any
 import pytest
 
 from garment_dataset.features.quality import RecordingQuality
+from garment_dataset.layout import Layout
 from garment_dataset.report.drawings import pipeline_picture, sparkline
 from garment_dataset.report.facts import FindingFact, NodeFact, RecordingFacts, SiteFacts, StageFact
 from garment_dataset.report.frames import Pictures
-from garment_dataset.report.gathering import page_of
+from garment_dataset.report.gathering import page_of, without_paths
 from garment_dataset.report.pages import index_page, recording_page, script_json
 
 EVIL = "</script><script>alert(1)</script>\"'><img src=x onerror=alert(2)>\u2028&amp;"
@@ -82,6 +83,16 @@ def test_every_name_has_a_page_of_its_own() -> None:
         assert not page.startswith(".")
         assert len(page) < 130
         page.encode("ascii")
+
+
+def test_paths_of_this_machine_are_taken_out_of_texts(tmp_path: Path) -> None:
+    root = tmp_path / "ws"
+    layout = Layout.create(root)
+    (root / "garment.toml").write_text('[paths]\nrecordings = "/bags"\nfeatures = "../results"\n')
+    layout = Layout.at(root)
+    plain = without_paths(layout)
+    text = f"{root}/catalog/garments.csv: 1/2 of {root}, /bags/a.bag, {layout.features_dir}/points, /tf/x"
+    assert plain(text) == "catalog/garments.csv: 1/2 of ., bags/a.bag, ../results/points, /tf/x"
 
 
 def test_a_sparkline_is_broken_where_values_are_missing() -> None:
