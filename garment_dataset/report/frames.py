@@ -185,7 +185,7 @@ def key_frames(tables: Tables, stream: Stream, frames: Sequence[int]) -> dict[in
     )
     rows = tables[name]
     if value not in rows or "frame" not in rows:
-        return {} if stream == "color" else {frames[0]: "the first"}
+        return {}  # nothing was looked for
     rows = rows[rows["frame"].isin(frames)]
     if "point" in rows:
         rows = rows[rows["point"] == rows["point"].max()]
