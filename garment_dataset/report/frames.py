@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import io
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import TYPE_CHECKING, Any, Literal
 
 import cv2
@@ -77,6 +78,7 @@ class Tables:
         if name not in self._read:
             try:
                 self._read[name] = load_features(name, folder=self._folder, recording=self.recording)
+                self._read[name].attrs = {}  # pandas copies units and descriptions with every selection
             except (StoreError, FilterError):
                 import pandas as pd
 
@@ -90,7 +92,7 @@ class Tables:
         rows = self[name]
         return rows[rows["frame"] == frame] if "frame" in rows else pd.DataFrame(columns=list(columns))
 
-    @property
+    @cached_property
     def band_half_width_m(self) -> float:
         """How far from the gripper the garment may be in depth, by the parameters of the result."""
         try:

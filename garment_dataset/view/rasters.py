@@ -41,13 +41,7 @@ def depth_raster(frame: DepthFrame, limits_m: tuple[float, float], width_px: int
     (H, W, 3) uint8
         RGB, of the image's proportions.
     """
-    near_m, far_m = limits_m
-    colors = (depth_colors()(np.arange(258) - 1)[:, :3] * 255).astype(np.uint8)  # below, the scale, above
-    levels = (frame.depth_mm * 1e-3 - near_m) / max(far_m - near_m, 1e-9)
-    index = np.clip(np.floor(levels * 256), -1, 256).astype(np.int64) + 1
-    pixels = colors[index]
-    pixels[frame.depth_mm == 0] = _NOTHING
-    picture, scale = _resized(pixels, width_px)
+    picture, scale = _resized(_depth_scale(*limits_m, int(frame.depth_mm.max(initial=0)))[frame.depth_mm], width_px)
     _draw_line(picture, _pixels_of(frame.chain, frame), scale, _WHITE, 1)
     for point, at in zip(frame.points["point"], _pixels_of(frame.points, frame), strict=True):
         _draw_dot(picture, at, scale, _hex_rgb(POINT_COLORS[(int(point) - 1) % len(POINT_COLORS)]))
@@ -85,6 +79,15 @@ def color_raster(frame: ColorFrame, width_px: int) -> Rgb:
     at = np.array([silhouette.get("gripper_u_px", np.nan), silhouette.get("gripper_v_px", np.nan)], np.float64)
     _draw_cross(picture, at, scale)
     return picture
+
+
+def _depth_scale(near_m: float, far_m: float, most_mm: int) -> Rgb:
+    """Return the colour of every depth in mm up to the greatest, (most_mm + 1, 3): 0 is no return."""
+    colors = (depth_colors()(np.arange(258) - 1)[:, :3] * 255).astype(np.uint8)  # nearer, the scale, farther
+    levels = (np.arange(most_mm + 1) * 1e-3 - near_m) / max(far_m - near_m, 1e-9)
+    scale: Rgb = colors[np.clip(np.floor(levels * 256), -1, 256).astype(np.int64) + 1]
+    scale[0] = _NOTHING
+    return scale
 
 
 def _resized(pixels: Rgb, width_px: int) -> tuple[Rgb, float]:
