@@ -34,6 +34,7 @@ def main() -> None:
     garment("show", DEPTH, "--frame", 45, "--save", DEMO / "depth.png", *here)
     garment("show", COLOR, "--frame", 45, "--save", DEMO / "colour.png", *here)
     garment("plot", "axis=R", "--save", DEMO / "motion.png", *here)
+    garment("report", *here)
     pictures = ", ".join(str(path) for path in sorted(DEMO.glob("*.png")))
     print(
         f"""
@@ -43,6 +44,8 @@ Try next (after `source .venv/bin/activate && cd {DEMO}`):
   garment why {DEPTH}    what each result was made from, and whether it is still right
   garment dag --params    every knob; change one in pipelines/depth.toml, then `garment build`
   python -c "from garment_dataset import load_features; print(load_features('kinematics').describe())"
+
+All of it on pages that a browser opens, without a network: {(DEMO / "report" / "index.html").resolve()}
 """
     )
 

@@ -32,30 +32,22 @@ MAY_IMPORT: dict[str, set[str]] = {
     "clouds": {"arrays", "catalog", "errors", "layout", "snapshot", "viewers", "vision"},
     "viewers": {"arrays", "bags", "catalog", "errors", "features", "files", "layout", "stages", "vision"},
     "simulate": {"catalog", "engine", "errors"},
+    "report": {
+        *("arrays", "bags", "catalog", "checks", "engine", "errors", "features", "layout", "stages", "view"),
+        "workspace",
+    },
     "doctor": {"catalog", "engine", "layout"},
     "checks": {"bags", "catalog", "engine", "errors", "files", "layout"},
     "cli": {
-        *(
-            "bags",
-            "catalog",
-            "checks",
-            "clouds",
-            "doctor",
-            "engine",
-            "errors",
-            "features",
-            "files",
-            "interrupts",
-            "layout",
-        ),
-        *("score", "simulate", "snapshot", "stages", "view", "viewers", "vision", "workspace"),
+        *("bags", "catalog", "checks", "clouds", "doctor", "engine", "errors", "features", "files", "interrupts"),
+        *("layout", "report", "score", "simulate", "snapshot", "stages", "view", "viewers", "vision", "workspace"),
     },
     "__main__": {"cli", "interrupts"},
 }
 """Which rooms each room may import, beside itself: docs/architecture.md says why."""
 HEAVY = {
     *("numpy", "pandas", "pyarrow", "cv2", "rosbags", "duckdb", "matplotlib", "mujoco", "blake3", "rich.console"),
-    *("rerun", "mcap"),
+    *("rerun", "mcap", "jinja2", "plotly"),
 }
 
 

@@ -36,6 +36,7 @@ def test_a_wheel_carries_the_catalog_and_pipelines(wheel: Path, tmp_path: Path) 
         names = archive.namelist()
         archive.extractall(tmp_path / "installed")
     assert "garment_dataset/py.typed" in names
+    assert {f"garment_dataset/report/{name}" for name in ("templates/index.html", "static/report.js")} <= {*names}
     assert not [name for name in names if name.startswith(("tests/", "catalog/"))]
     garment = [sys.executable, "-c", "from garment_dataset.cli import main; main()"]
     path = str(tmp_path / "installed")

@@ -55,6 +55,7 @@ VERBS = {
     "score": "score.score",
     "plot": "plot.plot",
     "view": "view.view",
+    "report": "report.report",
 }
 """Where the function of each verb lies in this package, in the order of ``--help``: one that runs imports no other."""
 

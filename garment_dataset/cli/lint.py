@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 from collections import Counter
 from itertools import groupby
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -53,6 +52,7 @@ def lint_(
     """Compare names, tables and folder; exit with 1 when anything disagrees."""
     from garment_dataset.catalog import Catalog
     from garment_dataset.catalog.lint import lint
+    from garment_dataset.checks.damaged import damaged_bags
     from garment_dataset.cli.renaming import ready_to_rename, rename
     from garment_dataset.workspace import Workspace
 
@@ -62,7 +62,7 @@ def lint_(
     with ready_to_rename(place, to_apply=to_apply):
         catalog = Catalog.of(place, strict=False)
         content = _contradicted(place, catalog) if to_read else ()
-        everything = _in_order((*lint(catalog), *_damaged(catalog), *_orphaned(place), *content))
+        everything = _in_order((*lint(catalog), *damaged_bags(catalog), *_orphaned(place), *content))
         findings = _selected(filters or (), catalog, everything)
         if to_rename:
             rename(place, catalog, findings, to_apply=to_apply, as_json=as_json)
@@ -109,17 +109,6 @@ def _in_order(findings: Sequence[Finding]) -> list[Finding]:
     return sorted(findings, key=lambda finding: order.index(finding.code))
 
 
-def _damaged(catalog: Catalog) -> Iterator[Finding]:
-    """Yield what is wrong with bags, by their first and last bytes."""
-    from garment_dataset.bags.condition import look
-    from garment_dataset.catalog.lint import SEVERITIES, Code, Finding
-
-    for bag in () if catalog.found is None else catalog.found.bags:
-        if (condition := look(bag.path)) is not None:
-            code: Code = "unindexed" if condition.kind == "unindexed" else "damaged"
-            yield Finding(code, SEVERITIES[code], str(bag.name), str(bag.path), condition.text, condition.hint)
-
-
 def _contradicted(place: Workspace, catalog: Catalog) -> Iterator[Finding]:
     """Yield where bags do not show what their names say; all are read, as some are known by comparison only."""
     from garment_dataset.catalog.lint import SEVERITIES, Finding
@@ -142,24 +131,17 @@ def _contradicted(place: Workspace, catalog: Catalog) -> Iterator[Finding]:
 
 
 def _orphaned(place: Workspace) -> Iterator[Finding]:
-    """Yield whose results lie in the features folder and are asked for by nothing any more."""
-    from garment_dataset.catalog.lint import Finding
+    """Yield whose results nothing asks for any more, where that can be known."""
+    from garment_dataset.workspace.orphaned import orphaned_results
     from garment_dataset.workspace.session import Session
 
     if not place.features_dir.is_dir():
         return
     try:
         with Session(place) as session:
-            found = session.orphaned_files()
+            yield from orphaned_results(session)
     except GarmentError:
         return  # what stands in the way is found above, or said by `garment status`
-    files: dict[tuple[str, str], list[Path]] = {}
-    for path, why in found.items():
-        files.setdefault((path.stem, why), []).append(path)
-    for (subject, why), paths in files.items():
-        message = f"{len(paths)} files of results that nothing asks for: {why}"
-        hint = "`garment gc --delete` removes them; of a renamed bag, `garment build` moves them first."
-        yield Finding("orphaned", "warning", subject, str(paths[0]), message, hint)
 
 
 def _filterable(finding: Finding) -> dict[str, str]:

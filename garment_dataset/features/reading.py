@@ -116,8 +116,10 @@ def declared_uncertainties(described: Mapping[str, Any]) -> dict[str, str | None
     return {column["name"]: column.get("uncertainty") for column in described.get("columns", ())}
 
 
-def open_features(table: str, *, folder: Path | str | None = None, variant: str = "") -> ds.Dataset:
-    """Return all files of a table as one Arrow dataset, the partition keys, if it has any, as text columns.
+def open_features(
+    table: str, *, folder: Path | str | None = None, variant: str = "", about: Sequence[str] = ()
+) -> ds.Dataset:
+    """Return the files of a table as one Arrow dataset, the partition keys, if it has any, as text columns.
 
     Parameters
     ----------
@@ -127,6 +129,8 @@ def open_features(table: str, *, folder: Path | str | None = None, variant: str 
         The features folder, or a snapshot; by default that of the workspace at or above the current folder.
     variant : str
         Whose results; by default those of the pipelines without a variant.
+    about : sequence of str
+        Only files of these names are opened, whatever the others are like; all, where there is none of them.
 
     Raises
     ------
@@ -137,7 +141,8 @@ def open_features(table: str, *, folder: Path | str | None = None, variant: str 
     import pyarrow.dataset as ds
 
     root = variant_folder(_features_folder(folder), variant)
-    files = [str(path) for path in result_files(root, table)]
+    found = result_files(root, table)
+    files = [str(path) for path in [path for path in found if path.stem in about] or found]
     if not files:
         built = tables_in(root)
         raise StoreError(
@@ -185,7 +190,9 @@ def load_features(
 
     from garment_dataset.features.frame import FeatureFrame
 
-    dataset = open_features(table, folder=folder, variant=variant)
+    named = filters.get("recording", ())
+    about = [named] if isinstance(named, str) else named if isinstance(named, list | tuple) else ()
+    dataset = open_features(table, folder=folder, variant=variant, about=about)
     condition, asked = None, {}
     for name, wanted in filters.items():
         if name not in dataset.schema.names:

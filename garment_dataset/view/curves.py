@@ -166,12 +166,26 @@ def value_limits(curves: Sequence[Curve]) -> tuple[float, float] | None:
 
 def _style(point: int | None, last: int) -> dict[str, Any]:
     """Return how a point is drawn: from dark to bright along the garment, in grey too; the gripper black."""
-    import matplotlib as mpl
-
     if not point:
         return {"color": "black", "linestyle": "--" if point == 0 else "-", "zorder": 3}
+    return {"color": point_color(point, last), "linestyle": "-"}
+
+
+def point_color(point: int, last: int, ends: tuple[float, float] = (0.0, _BRIGHTEST)) -> str:
+    """Return the colour of a point's curve, ``#rrggbb``: from dark to bright along the garment.
+
+    Parameters
+    ----------
+    point, last : int
+        Its number, from 1, and that of the last.
+    ends : (float, float)
+        Where in viridis the first and the last lie: on a dark ground its dark end is not seen.
+    """
+    from matplotlib import colormaps
+    from matplotlib.colors import to_hex
+
     share = 0.0 if last < 2 else (point - 1) / (last - 1)
-    return {"color": mpl.colormaps["viridis"](share * _BRIGHTEST), "linestyle": "-"}
+    return to_hex(colormaps["viridis"](ends[0] + share * (ends[1] - ends[0])))
 
 
 def broken_at_gaps(curve: Curve, longest_s: float) -> Curve:

@@ -63,7 +63,7 @@ def draw_depth(figure: Figure, frame: DepthFrame, title: str, *, band_half_width
     image, profile = figure.subplots(1, 2, width_ratios=(3, 2))
     points = frame.points.dropna(subset=["z_m"])
     figure.suptitle(f"{title}{_reasons(frame.points)}")
-    _draw_image(image, frame, points, _limits_m(frame, band_half_width_m))
+    _draw_image(image, frame, points, color_limits_m(frame, band_half_width_m))
     _draw_profile(profile, frame, points)
 
 
@@ -74,9 +74,17 @@ def _reasons(points: pd.DataFrame) -> str:
     return "".join(f"; {count} without a point: {reason}" for reason, count in counts.items())
 
 
-def _limits_m(frame: DepthFrame, band_half_width_m: float) -> tuple[float, float]:
-    """Return the depths between which colour changes: the garment's own, within the band around the gripper."""
-    centre_m = _centre_m(frame)
+def color_limits_m(frame: DepthFrame, band_half_width_m: float) -> tuple[float, float]:
+    """Return the depths between which colour changes: the garment's own, within the band around the gripper.
+
+    Parameters
+    ----------
+    frame : DepthFrame
+        What is drawn.
+    band_half_width_m : float
+        See :func:`draw_depth`.
+    """
+    centre_m = centre_depth_m(frame)
     near_m, far_m = centre_m - band_half_width_m, centre_m + band_half_width_m
     if frame.chain.empty:
         return near_m, far_m
@@ -85,7 +93,8 @@ def _limits_m(frame: DepthFrame, band_half_width_m: float) -> tuple[float, float
     return max(near_m, nearest_m - room_m), min(far_m, farthest_m + room_m)
 
 
-def _centre_m(frame: DepthFrame) -> float:
+def centre_depth_m(frame: DepthFrame) -> float:
+    """Return the gripper's depth; without a gripper, the median of what is seen."""
     if frame.gripper is not None and not np.isnan(frame.gripper["z_m"]):
         return float(frame.gripper["z_m"])
     seen = frame.depth_mm[frame.depth_mm > 0]
@@ -96,18 +105,18 @@ def _draw_image(axes: Axes, frame: DepthFrame, points: pd.DataFrame, limits_m: t
     depth_m = np.where(frame.depth_mm == 0, np.nan, frame.depth_mm * 1e-3)
     axes.set_facecolor("0.85")
     # what is nearer or farther than the garment keeps out of its colours
-    colors = _cividis()
+    colors = depth_colors()
     shown = axes.imshow(depth_m, cmap=colors, vmin=limits_m[0], vmax=limits_m[1], interpolation="nearest")
     bar = axes.figure.colorbar(shown, ax=axes, orientation="horizontal", shrink=0.7, pad=0.08, extend="both")
     bar.set_label("depth [m]; light grey: no return, white: farther, black: nearer")
-    u, v = _project(frame.chain, frame.camera)
+    u, v = project(frame.chain, frame.camera)
     axes.plot(u, v, color="white", linewidth=1, label="chain")
-    u, v = _project(points, frame.camera)
+    u, v = project(points, frame.camera)
     axes.plot(u, v, color="none")
     for number, (point_u, point_v, point) in enumerate(zip(u, v, points["point"], strict=True)):
         _draw_point(axes, point_u, point_v, int(point), label="points, from the gripper" if not number else None)
     if frame.gripper is not None and not np.isnan(frame.gripper["z_m"]):
-        u, v = _project(frame.gripper.to_frame().T, frame.camera)
+        u, v = project(frame.gripper.to_frame().T, frame.camera)
         axes.plot(u, v, "x", color="black", markersize=9, markeredgewidth=2, label="gripper")
     axes.set(xlabel="u [px]", ylabel="v [px]")
     axes.legend(loc="lower left", fontsize="small", facecolor="0.3", labelcolor="white")
@@ -147,13 +156,27 @@ def _draw_bridges(axes: Axes, chain: pd.DataFrame) -> None:
         axes.plot(bridged["z_m"], bridged["y_m"], ".", color="0.7", markersize=4, label="bridged: no pixels")
 
 
-def _cividis() -> Colormap:
+def depth_colors() -> Colormap:
+    """Return the colours of depth: nearer than the limits is black, farther white."""
     from matplotlib import colormaps
 
     return colormaps["cividis_r"].with_extremes(under="black", over="white")
 
 
-def _project(rows: pd.DataFrame, camera: pd.Series[float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Return the pixels of 3-D rows, thesis eq. (5.6) solved for u and v."""
+def project(rows: pd.DataFrame, camera: pd.Series[float]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Return the pixels of 3-D rows, thesis eq. (5.6) solved for u and v.
+
+    Parameters
+    ----------
+    rows : pandas.DataFrame
+        With ``x_m``, ``y_m``, ``z_m``.
+    camera : pandas.Series
+        Row of ``camera``.
+
+    Returns
+    -------
+    u, v : (N,) float64
+        In pixels.
+    """
     x, y, z = (rows[name].to_numpy(np.float64) for name in ("x_m", "y_m", "z_m"))
     return camera["fx_px"] * x / z + camera["cx_px"], camera["fy_px"] * y / z + camera["cy_px"]

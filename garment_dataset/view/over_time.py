@@ -68,11 +68,14 @@ class Drawn:
         One per point.
     is_since_onset : bool
         Whether time counts from when the gripper began to move.
+    unit : str
+        Of the values; empty for what has none.
     """
 
     quantity: str
     curves: list[Curve]
     is_since_onset: bool
+    unit: str
 
 
 class Results:
@@ -113,7 +116,8 @@ class Results:
         time_s, is_since_onset = self._time_s(rows, recording)
         rows = rows.assign(_time_s=time_s).dropna(subset=["_time_s"]).sort_values("_time_s", kind="stable")
         std = declared_uncertainties(described).get(quantity.column)
-        return Drawn(_label(rows, quantity.column), list(_curves(rows, quantity, std)), is_since_onset)
+        unit = rows.attrs["units"].get(quantity.column, "")
+        return Drawn(_label(rows, quantity.column), list(_curves(rows, quantity, std)), is_since_onset, unit)
 
     def _table(self, name: str) -> tuple[pd.DataFrame, dict[str, Any]]:
         if name not in self._tables:
