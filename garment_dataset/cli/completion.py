@@ -7,7 +7,6 @@ workspace, or in one that cannot be read, there is nothing to offer and nothing 
 from __future__ import annotations
 
 import contextlib
-import json
 import os
 import re
 import warnings
@@ -108,7 +107,7 @@ def tables(layout: Layout, _: typer.Context, incomplete: str) -> Iterable[str]:
 def columns(layout: Layout, _: typer.Context, incomplete: str) -> Iterable[str]:
     """Offer ``TABLE.COLUMN`` of what is a number."""
     schemas = _schemas(layout)
-    return _two_parts(incomplete, ".", {name: _numbers(path) for name, path in schemas.items()})
+    return _two_parts(incomplete, ".", {name: _numbers(schema) for name, schema in schemas.items()})
 
 
 def _catalog(layout: Layout) -> Catalog:
@@ -123,15 +122,18 @@ def _pipelines(layout: Layout) -> Iterator[Mapping[str, Any]]:
     return (read_toml(path) for path in sorted(layout.pipelines_dir.glob("*.toml")))
 
 
-def _schemas(layout: Layout) -> dict[str, Path]:
+def _schemas(layout: Layout) -> dict[str, Any]:
     """Return the descriptions of the tables that were built, in any variant."""
-    found = (*layout.features_dir.glob("*/_schema.json"), *layout.features_dir.glob("variant=*/*/_schema.json"))
-    return {path.parent.name: path for path in sorted(found)}
+    from garment_dataset.engine.table import read_schemas
+
+    found: dict[str, Any] = {}
+    for folder in (layout.features_dir, *sorted(layout.features_dir.glob("variant=*"))):
+        found |= read_schemas(folder)
+    return dict(sorted(found.items()))
 
 
-def _numbers(schema: Path) -> list[str]:
-    described = json.loads(schema.read_text("utf-8"))["columns"]
-    return [column["name"] for column in described if re.match(r"u?int|float|double", column["type"])]
+def _numbers(schema: Mapping[str, Any]) -> list[str]:
+    return [column["name"] for column in schema["columns"] if re.match(r"u?int|float|double", column["type"])]
 
 
 def _terms(catalog: Catalog, incomplete: str, more: Mapping[str, Sequence[str]]) -> Iterator[str]:

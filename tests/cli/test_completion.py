@@ -47,11 +47,11 @@ def towels(tmp_path: Path) -> Path:
     """A workspace with a variant, and the description of one table of results."""
     place = Workspace.create(tmp_path / "ws")
     (place.pipelines_dir / "wide.toml").write_text('variant = "wide"\nstages = ["decode"]\n')
-    schema = place.features_dir / "kinematics" / "_schema.json"
-    schema.parent.mkdir(parents=True)
+    place.features_dir.mkdir()
     columns = [("recording", "string"), ("frame", "int64"), ("vz_m_s", "float64"), ("vz_std_m_s", "float64")]
     listed = ", ".join(f'{{"name": "{name}", "type": "{kind}"}}' for name, kind in columns)
-    schema.write_text(f'{{"table": "kinematics", "columns": [{listed}]}}')
+    described = f'{{"kinematics": {{"table": "kinematics", "columns": [{listed}]}}}}'
+    (place.features_dir / "schemas.json").write_text(described)
     return place.root
 
 
@@ -106,8 +106,8 @@ def test_outside_a_workspace_or_in_a_broken_one_there_is_nothing(
     assert offered(tmp_path / "empty", *words) == []
     for path in (towels / "catalog" / "recordings.csv", towels / "pipelines" / "depth.toml"):
         path.write_bytes(b"\xff\x00 = [")
-    (towels / "features" / "kinematics" / "_schema.json").write_text("{")
-    assert [word for word in offered(towels, *words) if word != "kinematics."] == []
+    (towels / "features" / "schemas.json").write_text("{")
+    assert offered(towels, *words) == []
 
 
 def test_no_word_that_a_shell_would_run_is_offered(towels: Path) -> None:
