@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 from collections import Counter, defaultdict
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from garment_dataset.engine.sources import digest_source, stat_source
@@ -48,9 +49,9 @@ def gather(session: Session, known_checks: Mapping[str, Any]) -> tuple[SiteFacts
     rows = [*session.selection.rows, *session.selection.absent]
     order = {row.recording: number for number, row in enumerate(session.catalog.rows)}
     rows.sort(key=lambda row: order[row.recording])
-    digests = {row.recording: _bag_digest(session, row.path) for row in rows}
+    digest_of = cache(lambda path: _bag_digest(session, path))
     findings = Findings(session, plain, known_checks)
-    found = findings.of(rows, digests)
+    found = findings.of(rows, digest_of)
     quality = _quality(session)
     about = defaultdict(list)
     for finding in found:
@@ -63,7 +64,7 @@ def gather(session: Session, known_checks: Mapping[str, Any]) -> tuple[SiteFacts
             tuple(nodes.get(row.recording, ())),
             tuple(about[printable(row.recording)]),
             quality.get(row.recording, RecordingQuality()),
-            digests[row.recording],
+            None if row.path is None else digest_of(row.path),
             row.path,
         )
         for row in rows
@@ -110,10 +111,8 @@ def without_paths(layout: Layout) -> Callable[[str], str]:
     return plain
 
 
-def _bag_digest(session: Session, path: Path | None) -> str | None:
+def _bag_digest(session: Session, path: Path) -> str | None:
     """Return the digest of a bag's content: what the index knows, if the bag is as it was then; else it is read."""
-    if path is None:
-        return None
     stat, known = session.store.index.source_digests().get(str(path), (None, None))
     if known is not None and stat == stat_source(path):
         return known

@@ -120,10 +120,11 @@ class Site:
         if before is None and path.exists() and path.read_bytes() != data:
             hint = "Name another folder with --out, or remove that file."
             raise UsageError("a file that no report made is in the way", where=path, hint=hint)
+        self._files[name] = {"key": key, "content": hashlib.sha256(data).hexdigest()}
+        self._save({**self._before, **self._files}, {})  # before the file: whoever is interrupted knows it again
         temporary = path.with_name(f".{path.name}.new")
         temporary.write_bytes(data)
         temporary.replace(path)
-        self._files[name] = {"key": key, "content": hashlib.sha256(data).hexdigest()}
         self.written.made.append(name)
 
     def broken(self, name: str, fault: str) -> None:
@@ -144,12 +145,17 @@ class Site:
             if name not in self._files and _is_inside(name) and _content(path) == known["content"]:
                 path.unlink()
                 self.written.removed.append(name)
-        manifest = {"format": _FORMAT, "files": dict(sorted(self._files.items())), **remembered}
+        self._save(self._files, remembered)
+        return self.written
+
+    def _save(self, files: Mapping[str, dict[str, str]], remembered: Mapping[str, Any]) -> None:
+        manifest = {"format": _FORMAT, "files": dict(sorted(files.items())), **remembered}
         text = json.dumps(manifest, indent=1, sort_keys=True, ensure_ascii=True) + "\n"
         path = self.folder / MANIFEST
         if _content(path) != hashlib.sha256(text.encode()).hexdigest():
-            path.write_text(text, "utf-8")
-        return self.written
+            temporary = path.with_name(f".{MANIFEST}.new")
+            temporary.write_text(text, "utf-8")
+            temporary.replace(path)
 
 
 def _is_inside(name: str) -> bool:

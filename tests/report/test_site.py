@@ -229,6 +229,30 @@ def test_a_page_that_cannot_be_made_is_tried_again(own: Path, monkeypatch: pytes
     assert files_of(own / "other") == files_of(own / "report")
 
 
+def test_a_report_that_was_interrupted_is_finished_by_the_next(own: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    report(own)
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    for where in ("writing.summary", "writing.index_page", "site.Site.finish"):
+        with monkeypatch.context() as patch:
+            patch.setattr(f"garment_dataset.report.{where}", interrupt)
+            with pytest.raises(KeyboardInterrupt):
+                report(own, own / "other")
+        assert (own / "other" / "report.json").is_file()
+    table = own / "catalog" / "garments.csv"  # what was written meanwhile is no stranger's, though it is of yesterday
+    table.write_text(table.read_text().replace("45", "46"))
+    report(own)
+    report(own, own / "other")
+    assert files_of(own / "other") == files_of(own / "report")
+
+
+def test_empty_scenes_are_checked_as_well(reported: Path) -> None:
+    text = (reported / "report" / "index.html").read_text()
+    assert "camera_default_0" in text
+
+
 def test_filters_choose_the_recordings(own: Path) -> None:
     written = report(own, own / "some", DEPTH)
     assert [name for name in written.made if name.startswith("recordings/")] == [f"recordings/{DEPTH}.html"]
