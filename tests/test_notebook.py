@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 
 import pandas as pd
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from garment_dataset import Catalog, load_features
@@ -111,6 +111,7 @@ def test_the_cells_of_the_page_run(built: Workspace, monkeypatch: pytest.MonkeyP
         exec(code, {})
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # of time on a busy machine nothing is meant
 @given(st.lists(st.lists(st.text(), min_size=2, max_size=2), max_size=30), st.text())
 def test_a_table_is_escaped_and_bounded(rows: list[list[str]], title: str) -> None:
     text = html_table(["a", "<b>"], rows, title=title, more="things")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from hypothesis import given, settings
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from garment_dataset.cli.fitting import cell_width, fit_table, fits, name_lines, shorten, wrap
@@ -36,7 +36,7 @@ def squeezed(lines: list[str]) -> str:
     return re.sub(r"\s", "", "".join(lines))
 
 
-@settings(deadline=None)
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # of time on a busy machine nothing is meant
 @given(tables(), WIDTHS, st.booleans())
 def test_no_line_is_too_long_and_every_name_is_whole(
     table: tuple[list[str], list[list[str]]], width: int, with_heads: bool
@@ -49,7 +49,7 @@ def test_no_line_is_too_long_and_every_name_is_whole(
         assert row[0] in text  # so different ones are different
 
 
-@settings(deadline=None)
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(tables(), WIDTHS)
 def test_no_letter_is_lost(table: tuple[list[str], list[list[str]]], width: int) -> None:
     columns, rows = table
@@ -58,6 +58,7 @@ def test_no_letter_is_lost(table: tuple[list[str], list[list[str]]], width: int)
         assert shown.count(letter) >= sum(cell.count(letter) for row in rows for cell in row[1:])
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(tables())
 def test_without_a_terminal_each_row_is_a_line(table: tuple[list[str], list[list[str]]]) -> None:
     columns, rows = table
@@ -66,6 +67,7 @@ def test_without_a_terminal_each_row_is_a_line(table: tuple[list[str], list[list
     assert [line.split() for line in lines] == [" ".join(row).split() for row in rows]
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(alike_names(), st.integers(1, 200))
 def test_shortened_names_stay_different(names: list[str], width: int) -> None:
     found = shorten(names, width)
@@ -78,6 +80,7 @@ def test_shortened_names_stay_different(names: list[str], width: int) -> None:
             assert name.endswith(tail)
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(alike_names(), WIDTHS)
 def test_names_side_by_side_are_whole(names: list[str], width: int) -> None:
     lines = name_lines(names, width)
@@ -85,6 +88,7 @@ def test_names_side_by_side_are_whole(names: list[str], width: int) -> None:
     assert squeezed(lines) == "".join(names)
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.lists(WORDS, min_size=1).map(" ".join), st.integers(2, 60))
 def test_wrapping_keeps_all_but_spaces(text: str, width: int) -> None:
     lines = wrap(text, width)

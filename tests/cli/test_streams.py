@@ -10,7 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import given
+from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from garment_dataset.cli.output import print_json
@@ -27,6 +27,7 @@ def written(text: str, encoding: str) -> bytes:
     return raw.getvalue()
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])  # of time on a busy machine nothing is meant
 @given(st.text(), st.sampled_from(["utf-8", "ascii", "latin-1", "cp1252", "utf-16"]))
 def test_any_text_is_written_and_no_control_letter(text: str, encoding: str) -> None:
     shown = written(text, encoding).decode(encoding)
@@ -35,6 +36,7 @@ def test_any_text_is_written_and_no_control_letter(text: str, encoding: str) -> 
         assert shown == text
 
 
+@settings(deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(st.text(st.characters(), max_size=30), st.sampled_from(["utf-8", "ascii", "latin-1"]))
 def test_json_says_the_same_in_every_encoding(text: str, encoding: str) -> None:
     raw = io.BytesIO()
