@@ -72,6 +72,7 @@ def curves_of(recording: str, folder: Path, made: Iterable[str]) -> tuple[dict[s
     quantities: list[dict[str, Any]] = []
     times: list[list[float | None]] = []
     faults: list[str] = []
+    missing: list[str] = []
     since = set()
     for text, label in _OFFERED:
         if text.partition(".")[0] not in tables:
@@ -85,7 +86,9 @@ def curves_of(recording: str, folder: Path, made: Iterable[str]) -> tuple[dict[s
             quantities.append(_quantity(text, label, drawn, times))
             since.add(drawn.is_since_onset)
         elif drawn is not None:
-            faults.append(f"{text}: every value is missing")
+            missing.append(text)
+    if missing:
+        faults.append(f"every value is missing (the quality of the stages says why): {', '.join(missing)}")
     label = SINCE_ONSET if since == {True} else SINCE_FIRST
     return ({"quantities": quantities, "times": times, "time": label} if quantities else None), faults
 

@@ -79,7 +79,9 @@
         if (bands.checked && trace.std) traces.push(band(trace, times, shade));
         traces.push({
           x: times, y: trace.value, customdata: trace.std ?? undefined, name: trace.name, legendgroup: trace.name,
-          type: "scatter", mode: "lines", connectgaps: false,
+          type: "scatter", mode: "lines+markers", connectgaps: false,
+          // a value between gaps is no line: it is a dot
+          marker: { color: shade, opacity: 1, line: { width: 0 }, size: trace.value.map((_, at) => ((trace.value[at - 1] ?? null) === null && (trace.value[at + 1] ?? null) === null ? 7 : 0)) },
           line: { color: shade, width: 1.8, dash: trace.name === "gripper" ? "dash" : "solid" },
           hovertemplate: `%{y:.4~g} ${quantity.unit}${trace.std ? ` ± %{customdata:.2~g} ${quantity.unit}` : ""}<br>%{x:.3f} s<extra>${trace.name}</extra>`,
         });
