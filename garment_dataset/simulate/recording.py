@@ -78,7 +78,7 @@ def simulate_recording(
     frames: int | None = None,
     scale: str = "full",
     compression: Compression = "none",
-    nuisance: str = "none",
+    nuisance: str | Nuisance = "none",
     catalog: Catalog | None = None,
 ) -> Path:
     """Write a recording and the truth beside it.
@@ -100,8 +100,9 @@ def simulate_recording(
         One of :data:`SCALES`.
     compression : {"none", "lz4", "bz2"}
         Of the bag's chunks.
-    nuisance : str
-        What is unusual about room, camera and garment: ``none``, ``wide``, or names of nuisances with commas between.
+    nuisance : str or Nuisance
+        What is unusual about room, camera and garment: ``none``, ``wide``, or names of nuisances with commas between,
+        drawn from the seed; or what exactly.
     catalog : Catalog, optional
         Whose ``garments.csv`` says the garment's size and weight; by default :meth:`Catalog.load`'s.
 
@@ -122,7 +123,8 @@ def simulate_recording(
         found = f"scale {scale}, noise {noise}"
         raise GarmentError("no such option", expected="scale small or full, noise none or xtion", found=found)
     folder.mkdir(parents=True, exist_ok=True)
-    making = _Making(str(parsed), folder, seed, noise, frames, compression, draw_nuisance(nuisance, str(parsed), seed))
+    unusual_things = draw_nuisance(nuisance, str(parsed), seed) if isinstance(nuisance, str) else nuisance
+    making = _Making(str(parsed), folder, seed, noise, frames, compression, unusual_things)
     if isinstance(parsed, BackgroundName):
         return making.write_background()
     return making.write_garment(parsed, SCALES[scale], Catalog.load() if catalog is None else catalog)

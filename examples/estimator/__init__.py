@@ -1,0 +1,1 @@
+"""An estimator that reads a snapshot with numpy, scipy and pyarrow; nothing of garment_dataset is imported."""
