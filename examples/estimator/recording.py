@@ -27,6 +27,8 @@ class Recording:
     ----------
     name : str
         Of the recording.
+    stamp_ns : (T,) int64
+        When the camera saw each frame.
     time_s : (T,) float64
         Since the gripper began to move.
     gripper_m, gripper_m_s, gripper_m_s2 : (T, 2) float64
@@ -35,6 +37,8 @@ class Recording:
         How far it has turned about x since rest; 0 where its orientation is not known.
     points_m, std_m : (T, r, 2) float64
         Displacements of the points from rest, and their standard uncertainties; NaN where there is none.
+    rest_m : (r, 3) float64
+        Where the points are at rest: x right, y down, z away from the camera.
     segment_m : float
         Length of a segment; points are in the middles.
     gravity_m_s2 : (2,) float64
@@ -45,6 +49,7 @@ class Recording:
     """
 
     name: str
+    stamp_ns: NDArray[np.int64]
     time_s: FloatArray
     gripper_m: FloatArray
     gripper_m_s: FloatArray
@@ -52,6 +57,7 @@ class Recording:
     gripper_pitch_rad: FloatArray
     points_m: FloatArray
     std_m: FloatArray
+    rest_m: FloatArray
     segment_m: float
     gravity_m_s2: FloatArray
     standing: FloatArray
@@ -110,6 +116,7 @@ def read(snapshot: Path, name: str) -> Recording:
     correlations = _table(snapshot, "correlations", name).to_pylist()
     return Recording(
         name,
+        gripper["stamp_ns"].to_numpy(),
         rows["time_s"].reshape(-1, count)[:, 0],
         points[:, 0],
         _vectors(gripper, "v{}_m_s"),
@@ -117,6 +124,7 @@ def read(snapshot: Path, name: str) -> Recording:
         _pitch_rad(snapshot, name, gripper["frame"].to_numpy()),
         points[:, 1:],
         std[:, 1:],
+        _at_rest_m(table, count),
         float(motion["segment_length_m"]),
         np.array([motion[f"gravity_{axis}_m_s2"] for axis in AXES]),
         *(_about_errors(correlations, key, count - 1) for key in ("standing_share", "moving_lag1", "next_point")),
@@ -138,6 +146,14 @@ def _numbers(column: Any) -> FloatArray:  # noqa: ANN401 - an Arrow column
 
 def _vectors(rows: Any, form: str) -> FloatArray:  # noqa: ANN401 - an Arrow table
     return np.nan_to_num(np.stack([_numbers(rows[form.format(axis)]) for axis in AXES], axis=1))
+
+
+def _at_rest_m(table: Any, count: int) -> FloatArray:  # noqa: ANN401 - an Arrow table
+    """Return where the points are before the gripper moves, (r, 3)."""
+    place = np.stack([_numbers(table[f"{axis}_m"]) for axis in "xyz"], axis=1).reshape(-1, count, 3)
+    before = _numbers(table["time_s"]).reshape(-1, count)[:, 0] < 0
+    rest_m: FloatArray = np.nanmedian(place[before, 1:], axis=0)
+    return rest_m
 
 
 def _about_errors(rows: list[dict[str, Any]], key: str, count: int) -> FloatArray:

@@ -250,7 +250,12 @@ def _features_folder(folder: Path | str | None) -> Path:
     if folder is not None:
         folder = as_path(folder)
         if not folder.is_dir():
-            raise StoreError("no such folder", where=folder, expected="a features folder, or a snapshot")
+            raise StoreError(
+                "no such folder",
+                where=folder,
+                expected="a features folder, or a snapshot",
+                hint="`garment build` makes it.",
+            )
         return folder
     from garment_dataset.layout import Layout
 

@@ -46,9 +46,7 @@ def whole_schema(files: Sequence[str], table: str) -> pa.Schema:
         try:
             schema = pq.read_schema(file)
         except (OSError, pa.ArrowInvalid) as error:
-            raise StoreError(
-                "not a Parquet file", where=file, found=error, hint="`garment verify` finds more."
-            ) from error
+            raise StoreError("cannot be read", where=file, found=error, hint="`garment verify` finds more.") from error
         by_version[_version(schema)][file] = schema
     newest = max(by_version)
     whole = next(iter(by_version[newest].values()))

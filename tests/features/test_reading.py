@@ -261,7 +261,5 @@ def test_a_file_that_is_none_is_one_line(older: Path) -> None:
     path = next((older / "points").rglob(f"{RECORDINGS[1]}.parquet"))
     path.chmod(0o644)
     path.write_bytes(b"PAR1")
-    with pytest.raises(
-        StoreError, match=rf"{RECORDINGS[1]}.parquet: not a Parquet file: .*`garment verify` finds more"
-    ):
+    with pytest.raises(StoreError, match=rf"{RECORDINGS[1]}.parquet: cannot be read: .*`garment verify` finds more"):
         load_features("points", folder=older)

@@ -78,7 +78,7 @@ def test_settings_move_the_folders(tmp_path: Path) -> None:
     [
         ("[paths", "not TOML"),
         ("[paths]\nbags = 'x'", "bags"),
-        ("[path]\n", r"expected one of paths, stages, names, found 'path'\. Did you mean paths\?"),
+        ("[path]\n", r"expected one of paths, stages, names, snapshot, found 'path'\. Did you mean paths\?"),
         ("[paths]\nfeatres = 'x'", r"'paths\.featres' is not .*found 'featres'\. Did you mean features\?"),
         ("[stages]\nmodule = ['x']", r"Did you mean modules\?"),
         ("x = " + "[" * 5000, "not TOML: found nested too deeply"),
