@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ast
 import dataclasses
+import re
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -13,7 +14,7 @@ import pytest
 from examples.estimator import chain, fitting, recording
 from examples.estimator.__main__ import main
 from examples.estimator.fitting import fit
-from examples.estimator.judging import judge
+from examples.estimator.judging import Errors, judge
 from examples.estimator.recording import Recording, read, recordings_of
 from examples.estimator.validation import chain_made, draw
 from garment_dataset import load_motion
@@ -26,8 +27,7 @@ from tests.conftest import RECORDINGS
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-pytest.importorskip("scipy", reason="scipy is not installed")
-
+PAGE = Path(__file__).parents[1] / "docs" / "for-estimators.md"
 TRUTH = np.log([8.0, 1.0, 0.8, 1.0])
 
 
@@ -178,3 +178,13 @@ def test_the_command_fits_and_predicts(snapshot: Path, capsys: pytest.CaptureFix
     assert f"{RECORDINGS[0]}: 5 links of" in said
     assert "95 %:" in said
     assert f"{RECORDINGS[1]}: predicted to" in said
+
+
+def test_the_page_runs_from_the_snapshot_on(snapshot: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(snapshot)
+    names: dict[str, object] = {}
+    for snippet in re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL):
+        exec(compile(snippet, str(PAGE), "exec"), names)
+    errors = names["errors"]
+    assert isinstance(errors, Errors)
+    assert np.isfinite(errors).all()
