@@ -141,12 +141,12 @@ def test_a_turn_of_the_gripper_bends_a_stiff_chain_with_it(template: Recording) 
 
 def test_the_truth_of_a_chain_is_found_within_its_intervals(template: Recording) -> None:
     held = told = 0
-    for seed in range(4):
+    for seed in range(3):
         found = draw(template, seed)
         held += sum(found.holds)
         told += sum(found.is_told)
-    assert held >= 13  # of 16; 95 % each: fewer in one of some thousand runs
-    assert told >= 12
+    assert held >= 9  # of 12; 95 % each: fewer in one of some thousand runs
+    assert told >= 9
 
 
 def test_what_the_motion_cannot_tell_is_said(template: Recording) -> None:

@@ -25,7 +25,9 @@ SPAN = 5.0
 
 STEP = 1e-4
 LEVEL = 0.95
-SETTLING = 3
+SETTLING = 8
+"""Steps in which the other parameters follow one that is moved; fewer where nothing is gained any more."""
+GAIN = 1e-3
 MISFIT_LAG1 = 0.95
 """How much alike a chain is wrong about cloth in neighbouring frames."""
 
@@ -189,7 +191,9 @@ def _settled(problem: Problem, at: FloatArray, others: NDArray[np.int64]) -> Flo
             is_better = (problem.residuals(tried) ** 2).sum(axis=1) < now
             at[is_better] = tried[is_better]
             step[is_better] = 0.0
-    found: FloatArray = (problem.residuals(at) ** 2).sum(axis=1)
+        found: FloatArray = (problem.residuals(at) ** 2).sum(axis=1)
+        if (now - found).max() < GAIN:
+            break
     return found
 
 
