@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from examples.estimator.chain import Links, swing
 from garment_dataset import load_motion
 
 if TYPE_CHECKING:
@@ -66,63 +67,18 @@ class Fitted:
 
 
 def simulate(motion: Motion, logarithms: FloatArray) -> FloatArray:
-    r"""Return the displacements of the points along y and z, (B, T, r, 2), metres, for B sets of parameters.
+    """Return the displacements of the points along y and z, (B, T, r, 2), metres, for B sets of parameters.
 
     ``logarithms``, (B, r + 3), are of the drag with the square of the speed across the links, in 1/m, the damping and
-    stiffness of the joints, in 1/s and 1/s², and the drag of each link with the speed itself, in 1/s. With
-    :math:`\varphi` the links' angles from the vertical and :math:`I_{ij}` the products of their levers,
-    :math:`\sum_j I_{ij} (\cos(\varphi_i - \varphi_j) \ddot\varphi_j + \sin(\varphi_i - \varphi_j) \dot\varphi_j^2)`
-    is the moment of gravity, of the gripper's acceleration, of drag and of the joints, all per mass.
+    stiffness of the joints, in 1/s and 1/s², and the drag of each link with the speed itself, in 1/s. The chain is that
+    of :func:`examples.estimator.chain.swing`; the gripper is taken not to turn.
     """
-    count, length_m = motion.point_count, motion.segment_length_m
     drag, damping, stiffness = np.exp(logarithms[:, :3]).T[:, :, None]
-    linear = np.exp(logarithms[:, 3:])
-    lever_m = length_m * (np.tri(count, k=-1) + np.eye(count) / 2)  # of each point, by link
-    inertia = lever_m.T @ lever_m + np.eye(count) * length_m**2 / 12
-    turn = np.eye(count) - np.eye(count, k=-1)  # of the joints, the gripper's first
-    bend = length_m**2 * stiffness[:, :, None] * (turn.T @ turn)
-    joints = length_m**2 * damping[:, :, None] * (turn.T @ turn)
+    links = Links(motion.point_count, motion.segment_length_m, stiffness, damping, np.exp(logarithms[:, 3:]), drag)
     driven = np.nan_to_num(np.concatenate([motion.acceleration_m_s2[:, 0, 1:], motion.velocity_m_s[:, 0, 1:]], axis=1))
-
-    def change(state: FloatArray, base: FloatArray) -> FloatArray:
-        angle, rate = state
-        sin, cos = np.sin(angle), np.cos(angle)
-        apart = angle[:, :, None] - angle[:, None, :]
-        mass = inertia * np.cos(apart)
-        down_m_s = base[2] - (sin * rate) @ lever_m.T  # of the points
-        forward_m_s = base[3] + (cos * rate) @ lever_m.T
-        across = cos * forward_m_s - sin * down_m_s
-        air = (linear + drag * np.abs(across)) * across
-        down = motion.gravity_m_s2[1] - base[0] + air * sin
-        forward = motion.gravity_m_s2[2] - base[1] - air * cos
-        moment = (forward @ lever_m) * cos - (down @ lever_m) * sin
-        turning = (inertia * np.sin(apart)) @ rate[:, :, None] ** 2
-        moment = moment[:, :, None] - turning - bend @ angle[:, :, None]
-        return np.stack([rate, np.linalg.solve(mass, moment)[:, :, 0]])
-
-    def creep(state: FloatArray, step_s: float) -> FloatArray:
-        """Damp the joints, by the implicit trapezoidal rule: it stays stable however stiff they are."""
-        angle, rate = state
-        mass = inertia * np.cos(angle[:, :, None] - angle[:, None, :])
-        half = step_s / 2 * joints
-        return np.stack([angle, np.linalg.solve(mass + half, (mass - half) @ rate[:, :, None])[:, :, 0]])
-
-    state = np.zeros((2, logarithms.shape[0], count))
-    angles = [state[0]]
-    for frame_s, now, after in zip(np.diff(motion.stamp_ns) / 1e9, driven[:-1], driven[1:], strict=True):
-        step_s = frame_s / STEPS
-        for i in range(STEPS):  # Runge and Kutta
-            begin, middle, end = (now + (i + share) / STEPS * (after - now) for share in (0, 0.5, 1))
-            state = creep(state, step_s / 2)
-            first = change(state, begin)
-            second = change(state + step_s / 2 * first, middle)
-            third = change(state + step_s / 2 * second, middle)
-            fourth = change(state + step_s * third, end)
-            state = creep(state + step_s / 6 * (first + 2 * second + 2 * third + fourth), step_s / 2)
-        angles.append(state[0])
-    angle = np.stack(angles, axis=1)
-    below_m: FloatArray = np.stack([(np.cos(angle) - 1) @ lever_m.T, np.sin(angle) @ lever_m.T], axis=-1)
-    return motion.displacement_m[:, :1, 1:] + below_m
+    driven = np.column_stack([driven, np.zeros(len(driven))])
+    frames_s = np.diff(motion.stamp_ns) / 1e9
+    return motion.displacement_m[:, :1, 1:] + swing(links, frames_s, driven, motion.gravity_m_s2[1:], STEPS)
 
 
 def predict(motion: Motion, logarithms: FloatArray) -> tuple[FloatArray, FloatArray]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 import difflib
 import os
 import reprlib
+from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -57,6 +58,7 @@ __all__ = [
     "nearest_word",
     "one_of",
     "printable",
+    "require_extra",
 ]
 
 
@@ -142,3 +144,17 @@ def as_path(given: Path | str) -> Path:
     if not isinstance(given, str | os.PathLike):
         raise UsageError("not a path", expected="a path, or text", found=reprlib.repr(given))
     return Path(given)
+
+
+def require_extra(module: str, what: str, extra: str) -> None:
+    """Import a library that only an extra installs, or say what it is for and how to get it.
+
+    Raises
+    ------
+    MissingExtraError
+        If it is not installed.
+    """
+    try:
+        import_module(module)
+    except ImportError as error:
+        raise MissingExtraError(what, hint=f"Install it with: pip install 'garment-dataset[{extra}]'") from error

@@ -6,6 +6,7 @@ from collections import Counter
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
+from garment_dataset.catalog.rows import UNSPECIFIED
 from garment_dataset.engine.plan import State
 from garment_dataset.engine.table import Column
 from garment_dataset.errors import StoreError, UsageError, did_you_mean, one_of
@@ -29,7 +30,6 @@ PLACES = (
 """Columns for what stands in the paths of results: files of a snapshot lie in one folder a table."""
 
 _CATALOG_FILES = ("garments.csv", "holdings.csv", "backgrounds.csv")
-_UNSPECIFIED = "unspecified"  # what stands in a path where there is no value
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +178,7 @@ def _pieces(session: Session, decision: Decision, wanted: set[str], *, is_placed
     assert decision.key is not None
     result, store = session.store.results[decision.key], session.store
     parts = dict(part.split("=", 1) for part in result.partition.split("/") if part)
-    said = {key: None if word == _UNSPECIFIED else word for key, word in parts.items()}
+    said = {key: None if word == UNSPECIFIED else word for key, word in parts.items()}
     # the empty scene of a camera position is decoded as recordings are, and lies in no partition
     places = {column.name: said.get(column.name) for column in PLACES} if is_placed else {}
     for table, output in result.outputs.items():

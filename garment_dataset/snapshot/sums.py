@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import hashlib
 import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from garment_dataset.engine.objects import file_digest
 from garment_dataset.errors import StoreError
 
 if TYPE_CHECKING:
@@ -32,12 +32,7 @@ class Differences:
 def sums_of(folder: Path) -> dict[str, str]:
     """Return the sha256 of every file in a folder, by path relative to it, sorted; without the sums themselves."""
     paths = {path.relative_to(folder).as_posix(): path for path in folder.rglob("*") if not path.is_dir()}
-    return {name: _digest(path) for name, path in sorted(paths.items()) if name != SUMS}
-
-
-def _digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()
+    return {name: file_digest(path) for name, path in sorted(paths.items()) if name != SUMS}
 
 
 def sums_text(sums: Mapping[str, str]) -> str:

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 import pyarrow.compute as pc
+
+from garment_dataset.engine.artifacts import PROVENANCE_KEY
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -45,10 +48,11 @@ class Tally:
     _nulls: Counter[tuple[str, str]] = field(default_factory=Counter)
     _stds: dict[tuple[str, str], list[FloatArray]] = field(default_factory=dict)
 
-    def add(self, piece: Piece, table: pa.Table, provenance: Mapping[str, Any]) -> None:
+    def add(self, piece: Piece, table: pa.Table) -> None:
         """Count one file, and note what it was made with."""
         self.rows[piece.table] += table.num_rows
         self.files.setdefault(piece.table, []).append(piece.name)
+        provenance = json.loads((table.schema.metadata or {})[PROVENANCE_KEY])
         facts = provenance["facts"]
         self.made[piece.name] = {
             "stage": facts["stage"],

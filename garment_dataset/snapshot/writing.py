@@ -9,7 +9,6 @@ import shutil
 from importlib.metadata import version as version_of
 from typing import TYPE_CHECKING, Any
 
-from garment_dataset.engine.artifacts import read_provenance
 from garment_dataset.engine.canonical import digest
 from garment_dataset.errors import StoreError
 from garment_dataset.snapshot.card import card, paragraph
@@ -75,7 +74,7 @@ def _fill(contents: Contents, folder: Path) -> None:
     for piece in contents.pieces:
         path = folder / piece.name
         path.parent.mkdir(exist_ok=True)
-        tally.add(piece, write_portable(piece, path), read_provenance(path))
+        tally.add(piece, write_portable(piece, path))
     (folder / "catalog").mkdir()
     (folder / "catalog" / "recordings.csv").write_text(_catalog_text(contents), "utf-8")
     for path in contents.catalog_files:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any, Literal
 
-from garment_dataset.errors import MissingExtraError, UsageError
+from garment_dataset.errors import UsageError, require_extra
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -118,12 +118,9 @@ def new_figure() -> Figure:
     MissingExtraError
         If matplotlib is not installed.
     """
-    try:
-        from matplotlib.figure import Figure
-    except ImportError as error:
-        raise MissingExtraError(
-            "pictures need matplotlib", hint="Install it with: pip install 'garment-dataset[view]'"
-        ) from error
+    require_extra("matplotlib.figure", "pictures need matplotlib", "view")
+    from matplotlib.figure import Figure
+
     return Figure(figsize=FIGURE_SIZE_INCHES, layout="constrained")
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from garment_dataset.bags.camera import camera_info_beside, image_base
-from garment_dataset.errors import MissingExtraError
+from garment_dataset.errors import require_extra
 from garment_dataset.files import whole_file
 from garment_dataset.viewers import colors
 from garment_dataset.viewers.encoding import color_jpeg
@@ -43,12 +43,7 @@ def import_mcap() -> None:
     MissingExtraError
         If it is not.
     """
-    try:
-        import mcap.writer  # noqa: F401 - whether it is there
-    except ImportError as error:
-        raise MissingExtraError(
-            "MCAP files need mcap", hint="Install it with: pip install 'garment-dataset[mcap]'"
-        ) from error
+    require_extra("mcap.writer", "MCAP files need mcap", "mcap")
 
 
 def save_mcap(content: Content, path: Path) -> None:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from garment_dataset.errors import MissingExtraError, UsageError
+from garment_dataset.errors import UsageError, require_extra
 from garment_dataset.files import whole_file
 from garment_dataset.viewers import colors
 from garment_dataset.viewers.encoding import color_jpeg, depth_png
@@ -49,12 +49,7 @@ def import_rerun() -> None:
     MissingExtraError
         If it is not.
     """
-    try:
-        import rerun  # noqa: F401 - whether it is there
-    except ImportError as error:
-        raise MissingExtraError(
-            "the viewer needs Rerun", hint="Install it with: pip install 'garment-dataset[rerun]'"
-        ) from error
+    require_extra("rerun", "the viewer needs Rerun", "rerun")
 
 
 def save_rrd(content: Content, path: Path) -> None:
