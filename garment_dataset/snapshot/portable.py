@@ -42,7 +42,9 @@ def portable(table: pa.Table, places: Mapping[str, str | None]) -> pa.Table:
 
 
 def write_portable(piece: Piece, path: Path) -> pa.Table:
-    """Write a result file anew, in encodings that every reader knows; return its table.
+    """Write a result file anew, in encodings that every reader knows, unless it has no rows; return its table.
+
+    Hugging Face's ``datasets`` takes the number of rows for the size of a batch, and fails at 0.
 
     Raises
     ------
@@ -50,6 +52,9 @@ def write_portable(piece: Piece, path: Path) -> pa.Table:
         If the result is not what was stored.
     """
     table = portable(read_labelled(piece.source, piece.digest), piece.places)
+    if not table.num_rows:
+        return table
+    path.parent.mkdir(exist_ok=True)
     texts = [field.name for field in table.schema if pa.types.is_string(field.type)]
     pq.write_table(
         table,

@@ -8,14 +8,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.compute as pc
 
 from garment_dataset.engine.artifacts import PROVENANCE_KEY
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-    import pyarrow as pa
 
     from garment_dataset.arrays import FloatArray
     from garment_dataset.snapshot.contents import Piece
@@ -43,13 +42,17 @@ class Tally:
     schemas: Mapping[str, dict[str, Any]]
     rows: Counter[str] = field(default_factory=Counter)
     files: dict[str, list[str]] = field(default_factory=dict)
+    empty: list[str] = field(default_factory=list)
     verdicts: dict[str, str] = field(default_factory=dict)
     made: dict[str, dict[str, Any]] = field(default_factory=dict)
     _nulls: Counter[tuple[str, str]] = field(default_factory=Counter)
     _stds: dict[tuple[str, str], list[FloatArray]] = field(default_factory=dict)
 
     def add(self, piece: Piece, table: pa.Table) -> None:
-        """Count one file, and note what it was made with."""
+        """Count one file, and note what it was made with; one without rows is noted as such."""
+        if not table.num_rows:
+            self.empty.append(piece.name)
+            return
         self.rows[piece.table] += table.num_rows
         self.files.setdefault(piece.table, []).append(piece.name)
         provenance = json.loads((table.schema.metadata or {})[PROVENANCE_KEY])
@@ -66,8 +69,7 @@ class Tally:
             if std := column.get("uncertainty"):
                 about = piece.table, column["name"]
                 self._nulls[about] += table[column["name"]].null_count
-                known = table[std].drop_null().to_numpy().astype(np.float64)
-                self._stds.setdefault(about, []).append(known)
+                self._stds.setdefault(about, []).append(_numbers(table[std]))
         if piece.table == "quality":
             self._judge(piece.subject, table)
 
@@ -100,3 +102,10 @@ class Tally:
             else:
                 same["files"] += 1
         return dict(sorted(found.items()))
+
+
+def _numbers(column: pa.ChunkedArray[Any]) -> FloatArray:
+    """Return all numbers of a column, those of lists one by one, without nulls."""
+    flat = pc.list_flatten(column) if pa.types.is_list(column.type) else column
+    numbers: FloatArray = flat.drop_null().to_numpy().astype(np.float64)
+    return numbers

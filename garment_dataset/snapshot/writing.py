@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import io
 import json
 import shutil
@@ -72,9 +73,14 @@ def read_manifest(folder: Path) -> dict[str, Any]:
 def _fill(contents: Contents, folder: Path) -> None:
     tally = Tally(contents.schemas)
     for piece in contents.pieces:
-        path = folder / piece.name
-        path.parent.mkdir(exist_ok=True)
-        tally.add(piece, write_portable(piece, path))
+        tally.add(piece, write_portable(piece, folder / piece.name))
+    if not tally.files:
+        raise StoreError("nothing to export", found="no rows in any result")
+    contents = dataclasses.replace(
+        contents,
+        schemas={table: contents.schemas[table] for table in tally.files},
+        left_out={**contents.left_out, **dict.fromkeys(tally.empty, "no rows")},
+    )
     (folder / "catalog").mkdir()
     (folder / "catalog" / "recordings.csv").write_text(_catalog_text(contents), "utf-8")
     for path in contents.catalog_files:
